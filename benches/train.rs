@@ -26,7 +26,8 @@ use camsplat::splats::render::frame::{Frame, View};
 use camsplat::splats::render::layout;
 use camsplat::splats::train::loss::Record;
 use camsplat::splats::train::memory;
-use camsplat::splats::train::trainer::{State, Trainer};
+use camsplat::splats::train::read_back::State;
+use camsplat::splats::train::trainer::Trainer;
 use glam::{DQuat, DVec3};
 use report::{Amount, Report, Sample};
 

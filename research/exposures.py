@@ -146,4 +146,5 @@ def main():
         row(name, plain, learnt)
 
 
-main()
+if __name__ == "__main__":
+    main()

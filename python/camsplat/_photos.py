@@ -76,6 +76,12 @@ class Training(Report):
         """SSIM on the test photos; `None` without any."""
         return self._measured("ssim")
 
+    @property
+    def cameras(self) -> Optional[Cameras]:
+        """Cameras of the photos that were trained on, with their poses corrected, where `refine_poses` was asked for; else `None`."""
+        refined = self.folder / "transforms.json"
+        return read_cameras(refined) if refined.is_file() else None
+
     def _measured(self, metric: str) -> Optional[float]:
         evaluations = self.record["evaluations"]
         return float(evaluations[-1]["quality"][metric]) if evaluations else None

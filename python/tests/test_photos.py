@@ -35,8 +35,14 @@ def test_what_is_trained_looks_like_the_photos(capture: Path, splats: Path, tmp_
     assert abs(training.psnr + 10 * np.log10(np.mean(errors))) < 3
     with pytest.raises(camsplat.Error, match="not empty"):
         camsplat.train(capture, tmp_path / "model", iterations=150)
+    assert training.cameras is None
     # Without a folder, the model lasts as long as what is returned.
-    short = camsplat.train(capture, iterations=10, max_splats=2000, sh=0)
+    short = camsplat.train(capture, iterations=10, max_splats=2000, sh=0, refine_poses=True)
+    assert short.cameras is not None
+    given = dict(zip(plan.cameras.names, plan.cameras.poses))
+    for name, pose in zip(short.cameras.names, short.cameras.poses):
+        moved = pose - given[name.removesuffix(".png")]
+        assert 0 < np.abs(moved).max() < 0.2, (name, moved)
     [one] = camsplat.render(short, plan.cameras[:1])
     assert one.image.std() > 0 and short.model.is_file()
     folder = short.folder

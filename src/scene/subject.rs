@@ -16,6 +16,8 @@ const CELLS: f64 = 128.0;
 const STANDS: f64 = 0.25;
 /// Least height above the ground, as part of the map's longer side, of something that stands on it.
 const FLAT: f64 = 0.01;
+/// Slope against the plane up to which land is land, about 17 degrees: walls of what stands on it are steeper.
+const SLOPE: f64 = 0.3;
 /// Rounds of fitting the ground to what does not rise above it.
 const ROUNDS: usize = 12;
 
@@ -132,7 +134,8 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
 
 /// The largest thing that stands on the ground of a surface, by the volume below its top, as an axis-aligned box from the ground up.
 ///
-/// The ground is a plane, level or sloping, by the lowest points of a map's cells. What stands on it are connected cells that rise above by a
+/// The ground is a plane, level or sloping, by the lowest points of a map's cells, and hills on it that rise nowhere steeper than [`SLOPE`].
+/// What stands on it are connected cells that rise above by a
 /// quarter of the mean rise, in which each cell counts by its own: a mast alone is no more than it holds. Returns the height of the ground
 /// there along up, too.
 ///
@@ -163,7 +166,9 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
     }
     let seen: Vec<usize> = (0..cells.len()).filter(|i| cells[*i][0].is_finite()).collect();
     let plane = ground(&seen.iter().map(|i| (middle(*i) - low, cells[*i][0])).collect::<Vec<_>>(), FLAT * side);
-    let ground_at = |p: DVec2| plane.dot((p - low).extend(1.0));
+    let above = |i: usize| cells[i][0] - plane.dot((middle(i) - low).extend(1.0));
+    let hills = gentle((0..cells.len()).map(above).collect(), dims.x as usize, SLOPE * cell);
+    let ground_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)];
     let rise = |i: usize| cells[i][1] - ground_at(middle(i));
     let rises = || seen.iter().map(|i| rise(*i).max(0.0));
     let usual = rises().map(|rise| rise * rise).sum::<f64>() / rises().sum::<f64>().max(f64::MIN_POSITIVE);
@@ -219,6 +224,28 @@ fn ground(places: &[(DVec2, f64)], flat: f64) -> DVec3 {
     plane
 }
 
+/// The highest map that lies nowhere above the heights, and rises from cell to cell by no more than `step` along an edge and as much more
+/// over a corner as it is farther: one pass from either end, as for distances (Borgefors 1986). Heights may be infinite.
+fn gentle(mut heights: Vec<f64>, width: usize, step: f64) -> Vec<f64> {
+    let rows = heights.len() / width.max(1);
+    let mut pass = |cells: &mut dyn Iterator<Item = usize>, sign: isize| {
+        for i in cells {
+            let (x, y) = ((i % width) as isize, (i / width) as isize);
+            // Those that the pass has been to.
+            for (dx, dy) in [(-1, 0), (-1, -1), (0, -1), (1, -1)] {
+                let (x, y) = (x + sign * dx, y + sign * dy);
+                if (0..width as isize).contains(&x) && (0..rows as isize).contains(&y) {
+                    let far = step * f64::from((dx * dx + dy * dy) as u32).sqrt();
+                    heights[i] = heights[i].min(heights[y as usize * width + x as usize] + far);
+                }
+            }
+        }
+    };
+    pass(&mut (0..rows * width), 1);
+    pass(&mut (0..rows * width).rev(), -1);
+    heights
+}
+
 /// For each cell that stands, the first cell of those that it is connected with, over corners too.
 fn components(width: usize, height: usize, stands: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
     let mut part = vec![None; width * height];
@@ -266,6 +293,33 @@ mod tests {
             }
         }
         Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap()
+    }
+
+    /// If this failed, cameras would stand around a hill, or a house on a hill with half of the hill would be the subject.
+    #[test]
+    fn a_hill_is_no_subject() {
+        // Rolling land with a house on a hillside, as a drone's mesh has it: roof, walls and ground in one sheet.
+        let land =
+            |x: f64, y: f64| 9.0 * (-((x - 30.0).powi(2) + (y + 10.0).powi(2)) / 800.0).exp() + 2.0 * (x / 18.0).sin();
+        let house = |x: f64, y: f64| (18.0..28.0).contains(&x) && (-4.0..6.0).contains(&y);
+        let height = |x: f64, y: f64| if house(x, y) { land(23.0, 1.0) + 7.0 } else { land(x, y) };
+        let place = |i: usize| f64::from(i as u32 % 161) - 80.0;
+        let row = |i: usize| f64::from(i as u32 / 161) - 60.0;
+        let mut mesh = Mesh::default();
+        for i in 0..161 * 121 {
+            mesh.positions.push(DVec3::new(place(i), row(i), height(place(i), row(i))));
+            if i % 161 < 160 && i / 161 < 120 {
+                let [a, b, c, d] = [i, i + 1, i + 162, i + 161].map(|i| i as u32);
+                mesh.triangles.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let proxy = Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap();
+        let (subject, bottom) = largest(&proxy, DVec3::Z).unwrap();
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
+        let wanted = [DVec3::new(17.5, -4.5, land(18.0, 6.0)), DVec3::new(27.5, 5.5, land(23.0, 1.0) + 7.0)];
+        assert!(min.distance(wanted[0]) < 2.5 && max.distance(wanted[1]) < 2.5, "{min} to {max}, not {wanted:?}");
+        assert!((bottom - land(18.0, 6.0)).abs() < 2.0, "{bottom}");
     }
 
     /// If this failed, a mesh that is a part of a scene would be taken for a volume, which an open one is not: with it what it stands on or

@@ -106,6 +106,9 @@ pub struct TrainConfig {
     /// An exposure and white balance is learnt for each photo.
     #[serde(default)]
     pub exposure: bool,
+    /// The pose of each photo is corrected.
+    #[serde(default)]
+    pub refine_poses: bool,
     /// What masks mean.
     #[serde(default)]
     pub masks: Masks,
@@ -184,6 +187,7 @@ impl TrainConfig {
             antialiased: false,
             suppress_floaters: false,
             exposure: false,
+            refine_poses: false,
             masks: Masks::Background,
             fast: false,
             seed: 0,

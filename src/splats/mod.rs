@@ -4,6 +4,7 @@ pub mod config;
 pub mod data;
 pub mod exposure;
 pub mod image_metrics;
+pub mod pose;
 pub mod render;
 pub mod run;
 pub mod train;

@@ -59,6 +59,7 @@ mod splats {
     mod fisher;
     mod image_metrics;
     mod passes;
+    mod poses;
     mod training;
 }
 

@@ -15,6 +15,10 @@ layout(local_size_x = 64) in;
 layout(constant_id = 1) const bool STATISTICS = false;
 // Whether the backward pass has summed the instances already, by atomic additions.
 layout(constant_id = 2) const bool SUMMED = false;
+// Whether the gradient by the camera's pose is wanted.
+layout(constant_id = 3) const bool POSES = false;
+// Whether Gaussians stay as they are: a pose alone is learnt.
+layout(constant_id = 4) const bool FROZEN = false;
 
 layout(push_constant) uniform Push {
     uint stride;
@@ -49,6 +53,8 @@ layout(binding = 7, std430) restrict buffer First { float first[]; };
 layout(binding = 8, std430) restrict buffer Second { float second[]; };
 // Sum over views of the length of the gradient by the mean, for a picture two units wide and high; and how many views.
 layout(binding = 9, std430) buffer Statistics { vec2 statistics[]; };
+// In planes: what turning the Gaussian about the camera, with its harmonics, and moving it change in the loss.
+layout(binding = 10, std430) writeonly buffer Forces { float forces[]; };
 
 // Instances that a thread sums by itself.
 const uint FEW = 32;
@@ -130,6 +136,8 @@ struct Gradients {
     vec3 log_scale;
     vec4 rotation;
     float opacity;
+    // By a turn of the Gaussian about the camera, as a rotation vector in world axes. What its harmonics show turns with it.
+    vec3 turn;
 };
 
 // From the gradients by mean, conic and opacity to those by the parameters.
@@ -192,6 +200,10 @@ Gradients through_projection(View camera, uint i, vec2 by_mean, vec3 by_conic, f
         w * (t[0][1] - t[1][0]) - 2.0 * c * (t[0][0] + t[1][1]) + a * (t[2][0] + t[0][2]) + b * (t[2][1] + t[1][2])
     );
     g.rotation = (by_unit - unit * dot(unit, by_unit)) / size;
+    if (POSES) {
+        g.turn = cross(vector(CENTRE, i) - camera.position, g.centre);
+        [[unroll]] for (uint k = 0; k < 3; ++k) g.turn += cross(axes[k], by_axes[k]);
+    }
     return g;
 }
 
@@ -209,7 +221,7 @@ void main() {
     if (!alive) return;
 
     View camera = views[view];
-    Gradients g = Gradients(vec3(0.0), vec3(0.0), vec4(0.0), 0.0);
+    Gradients g = Gradients(vec3(0.0), vec3(0.0), vec4(0.0), 0.0, vec3(0.0));
     vec3 by_colour = vec3(0.0), towards = vec3(0.0);
     seen = run.y > 0;
     if (seen) {
@@ -246,9 +258,16 @@ void main() {
             vec3 coefficient = vec3(values[3 * j], values[3 * j + 1], values[3 * j + 2]);
             if (seen) by_direction += harmonic_gradient(k + j, direction) * dot(coefficient, by_colour);
         }
-        adam(plane, count, i, gradients, rates, values);
+        if (!FROZEN) adam(plane, count, i, gradients, rates, values);
     }
     if (seen) g.centre += (by_direction - direction * dot(direction, by_direction)) / far;
+    if (POSES) {
+        [[unroll]] for (uint c = 0; c < 3; ++c) {
+            forces[at(c, i)] = g.turn[c];
+            forces[at(3 + c, i)] = g.centre[c];
+        }
+    }
+    if (FROZEN) return;
 
     [[unroll]] for (uint k = 0; k < HARMONICS; ++k) values[k] = parameters[at(k, i)];
     float opacity = sigmoid(values[OPACITY]);

@@ -24,7 +24,7 @@ use crate::splats::config::{Background, Masks, Preset, Start, Strategy, TrainCon
 use crate::splats::data::pictures::cameras;
 use crate::splats::data::split::{Split, Test};
 use crate::splats::run::evaluate::Pair;
-use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REPORT, model_in};
+use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REFINED, REPORT, model_in};
 use crate::splats::run::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::splats::run::request::{Run, TrainEvent, TrainRequest};
 use crate::{Error, Result};
@@ -63,6 +63,10 @@ pub struct Arguments {
     /// exposure that fits the other half of the picture
     #[arg(long)]
     exposure: bool,
+    /// Correct each photo's pose, by a degree or so: where a phone's tracking or a reconstruction is off. In the end test views are compared
+    /// from where the model looks most like the photo
+    #[arg(long)]
+    refine_poses: bool,
     /// What masks and alpha channels say of what they leave out
     #[arg(long, value_enum, default_value = "background")]
     masks: Masks,
@@ -266,6 +270,7 @@ fn configuration(arguments: &Arguments, start: Start) -> TrainConfig {
         antialiased: arguments.antialiased,
         suppress_floaters: arguments.suppress_floaters,
         exposure: arguments.exposure,
+        refine_poses: arguments.refine_poses,
         masks: arguments.masks,
         fast: arguments.fast,
         seed: arguments.seed,
@@ -324,6 +329,7 @@ impl Watch {
             TrainEvent::Iterations(done) => self.progress.set(done, self.iterations),
             TrainEvent::Evaluated(evaluation) => self.progress.line(&line(evaluation)),
             TrainEvent::NotSaved(error) => self.progress.line(&format!("warning: no checkpoint was written: {error}")),
+            TrainEvent::Note(note) => self.progress.line(&format!("note     {note}")),
             TrainEvent::Trained(gaussians) => {
                 let [trained, tests] = &self.cameras;
                 *self.model.borrow_mut() = Some(Model::new(gaussians, trained, tests));
@@ -418,6 +424,9 @@ fn print(record: &TrainRecord, folder: &Path) {
     }
     for line in [record.diverged_line(), record.overfitted_line(), record.short_line()].into_iter().flatten() {
         say!("warning  {line}");
+    }
+    if let Some(line) = record.poses_line() {
+        say!("poses    {line}: {}", folder.join(REFINED).display());
     }
     say!("model    {}", folder.join(MODEL).display());
     say!("report   {}", folder.join(REPORT).display());

@@ -445,6 +445,12 @@ fn summary(record: &TrainRecord) -> String {
             if config.masks == Masks::Ignore { "counts for nothing" } else { "is background" }.into(),
         ),
         ("Exposures of photos", if config.exposure { "learnt" } else { "taken as they are" }.into()),
+        (
+            "Poses of photos",
+            record
+                .poses_line()
+                .unwrap_or_else(|| if config.refine_poses { "corrected" } else { "taken as they are" }.into()),
+        ),
         ("Suppression of floaters", if config.suppress_floaters { "on" } else { "off" }.into()),
         ("Seed", config.seed.to_string()),
         ("Device", record.device.clone()),

@@ -2,7 +2,7 @@
 //!
 //! Layout, little-endian: `MAGIC`; bytes of the header as u64 and the header as JSON; a record of 20 bytes for each iteration
 //! done; the planes of parameters and of Adam's two means without gaps, as f32; two f32 a Gaussian of statistics, where there are
-//! any; 40 f32 a photo of its exposure, where they are learnt; the CRC-32 of everything before.
+//! any; of each photo 40 f32 of its exposure, and after these 20 f32 of its pose, where they are learnt; the CRC-32 of everything before.
 
 use std::path::Path;
 
@@ -15,7 +15,8 @@ use crate::splats::config::{Strategy, TrainConfig};
 use crate::splats::render::layout::planes;
 use crate::splats::train::exposure::ExposureState;
 use crate::splats::train::loss::Record;
-use crate::splats::train::trainer::State;
+use crate::splats::train::poses::PoseState;
+use crate::splats::train::read_back::State;
 use crate::{Error, Result};
 
 /// First bytes of the file.
@@ -101,8 +102,9 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
         for pair in &state.statistics {
             put(&[pair[0].to_le_bytes(), pair[1].to_le_bytes()].concat())?;
         }
-        for number in bytemuck::cast_slice::<_, f32>(&state.exposures) {
-            put(&number.to_le_bytes())?;
+        let (exposures, poses) = (bytemuck::cast_slice(&state.exposures), bytemuck::cast_slice(&state.poses));
+        for number in [exposures, poses].concat() {
+            put(&f32::to_le_bytes(number))?;
         }
         let sum = sum.finalize();
         file.write_all(&sum.to_le_bytes())
@@ -136,10 +138,14 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     header.config.validate()?;
     let values = planes(header.config.degree) as u64 * u64::from(header.population);
     let counted = if header.config.strategy == Strategy::Adc { header.population as usize } else { 0 };
-    let exposed = if header.config.exposure { header.input.photos } else { 0 };
+    let photos = |learnt: bool| if learnt { header.input.photos } else { 0 };
+    let (exposed, posed) = (photos(header.config.exposure), photos(header.config.refine_poses));
     let of_exposures = (size_of::<ExposureState>() as u64).saturating_mul(exposed as u64);
+    let of_poses = (size_of::<PoseState>() as u64).saturating_mul(posed as u64);
     let others = 20 * u64::from(header.done) + 12 * values + 8 * counted as u64;
-    if rest.len() as u64 != others.saturating_add(of_exposures) || header.population > header.config.max_splats {
+    if rest.len() as u64 != others.saturating_add(of_exposures).saturating_add(of_poses)
+        || header.population > header.config.max_splats
+    {
         return Err(damaged("it is not as long as its header says"));
     }
     let (history, rest) = rest.split_at(20 * header.done as usize);
@@ -161,8 +167,10 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     let planes = [plane(0), plane(1), plane(2)];
     let behind = &rest[3 * part + 8 * counted..];
     let numbers: Vec<f32> = (0..behind.len() / 4).map(|k| float(behind, k)).collect();
-    let exposures = bytemuck::cast_slice(&numbers).to_vec();
-    let state = State { done: header.done, population: header.population, planes, statistics, exposures };
+    // As long as the length that was checked.
+    let (exposures, poses) = numbers.split_at(of_exposures as usize / 4);
+    let (exposures, poses) = (bytemuck::cast_slice(exposures).to_vec(), bytemuck::cast_slice(poses).to_vec());
+    let state = State { done: header.done, population: header.population, planes, statistics, exposures, poses };
     Ok(Checkpoint { header, history, state })
 }
 
@@ -194,7 +202,7 @@ pub fn check(path: &Path, header: &Header, config: &TrainConfig, input: &Input) 
 }
 
 /// Keys that users set; the others follow from these or from the capture.
-const SETTINGS: [&str; 14] = [
+const SETTINGS: [&str; 15] = [
     "iterations",
     "max_splats",
     "strategy",
@@ -203,6 +211,7 @@ const SETTINGS: [&str; 14] = [
     "antialiased",
     "suppress_floaters",
     "exposure",
+    "refine_poses",
     "masks",
     "init_opacity",
     "init_scale",
@@ -218,7 +227,7 @@ mod tests {
     use crate::splats::run::record::Quality;
 
     fn checkpoint() -> Checkpoint {
-        let config = TrainConfig { degree: 0, exposure: true, ..TrainConfig::new(100, 8) };
+        let config = TrainConfig { degree: 0, exposure: true, refine_poses: true, ..TrainConfig::new(100, 8) };
         let values = planes(0) * 3;
         let quality = Quality { psnr: f64::INFINITY, ssim: 1.0, ..Quality::default() };
         let plane = |k: usize| (0..values).map(|i| (i * (k + 1)) as f32 * 0.1).collect();
@@ -238,6 +247,7 @@ mod tests {
                 planes: [plane(0), plane(1), plane(2)],
                 statistics: Vec::new(),
                 exposures: vec![ExposureState { value: [0.5; 12], steps: 3.0, ..ExposureState::default() }; 5],
+                poses: vec![PoseState { value: [0.1; 6], steps: 3.0, ..PoseState::default() }; 5],
             },
         }
     }

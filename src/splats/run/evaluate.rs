@@ -16,8 +16,8 @@ use crate::splats::image_metrics::weights::Weights;
 use crate::splats::image_metrics::{Lpips, Rgb8, SSIM_WINDOW, psnr, ssim};
 use crate::{Error, Result};
 
-/// Makes the picture of a view, over the background of the tests.
-pub type Camera<'c> = &'c mut dyn FnMut(usize) -> Result<Vec<[f32; 4]>>;
+/// Makes the picture of a view, over the background of the tests; it gets the pixels of the photo too.
+pub type Camera<'c> = &'c mut dyn FnMut(usize, &[u32]) -> Result<Vec<[f32; 4]>>;
 
 /// Test views that are evaluated during training.
 const FEW: usize = 16;
@@ -146,8 +146,11 @@ impl Tests {
         let at_once = (BYTES / largest.max().unwrap_or(0).max(1)).clamp(1, AT_ONCE as u64) as usize;
         let mut draw = || -> Result<Vec<(P, Vec<[f32; 4]>)>> {
             let some = pictures.by_ref().take(at_once);
-            some.map(|picture| picture.and_then(|p| camera(self.first + p.borrow().index).map(|drawn| (p, drawn))))
-                .collect()
+            let mut draw = |picture: P| {
+                let Picture { index, pixels, .. } = picture.borrow();
+                camera(self.first + index, pixels).map(|drawn| (picture, drawn))
+            };
+            some.map(|picture| picture.and_then(&mut draw)).collect()
         };
         let compare = |(picture, drawn): &(P, Vec<[f32; 4]>)| {
             let index = picture.borrow().index;

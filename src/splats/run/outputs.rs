@@ -21,6 +21,8 @@ pub(crate) fn model_in(format: SplatFormat) -> String {
     format!("point_cloud.{}", format.extension())
 }
 
+/// Cameras of the photos with their poses corrected, where they were.
+pub(crate) const REFINED: &str = "transforms.json";
 /// The record of the run.
 pub(crate) const RECORD: &str = "train.json";
 /// The HTML report.
@@ -66,7 +68,7 @@ pub fn check(folder: &Path, capture: &Path, photos: &[&Photo], names: &[PathBuf]
     }
     let read = photos.iter().flat_map(|photo| [&photo.image, &photo.mask]).flatten();
     let read: HashSet<PathBuf> = read.filter_map(|path| real(path)).collect();
-    let own = [CHECKPOINT, MODEL, RECORD, REPORT].map(|name| folder.join(name));
+    let own = [CHECKPOINT, MODEL, REFINED, RECORD, REPORT].map(|name| folder.join(name));
     let pictures = PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name)));
     match own.into_iter().chain(pictures).find(|path| real(path).is_some_and(|path| read.contains(&path))) {
         Some(path) => Err(Error::input(path, "this photo would be replaced; name another folder to write to")),
@@ -84,7 +86,7 @@ pub fn clear(folder: &Path) -> Result<()> {
     let names = picture_names(&earlier.into_iter().map(|view| view.name).collect::<Vec<_>>());
     let pictures = PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name)));
     let models = SplatFormat::ALL.map(model_in);
-    let own = [CHECKPOINT].into_iter().chain(models.iter().map(String::as_str)).map(|name| folder.join(name));
+    let own = [CHECKPOINT, REFINED].into_iter().chain(models.iter().map(String::as_str)).map(|name| folder.join(name));
     for path in own.chain(pictures).filter(|path| path.is_file()) {
         std::fs::remove_file(&path).map_err(|source| Error::io(&path, source))?;
     }

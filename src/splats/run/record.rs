@@ -1,7 +1,9 @@
 //! What a training run leaves behind: the contents of `train.json`, from which the report is drawn as well.
 
+use glam::DMat3;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::scene::camera::{Camera, Pose};
 use crate::splats::config::TrainConfig;
 use crate::splats::exposure::Exposure;
 
@@ -119,6 +121,37 @@ impl PhotoExposure {
     }
 }
 
+/// What the pose of a photo was corrected to.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhotoPose {
+    /// Name of the photo.
+    pub name: String,
+    /// Degrees by which the camera was turned.
+    pub turned_deg: f64,
+    /// Distance by which it was moved, in the capture's units.
+    pub moved: f64,
+    /// World-from-camera, by rows, in OpenCV axes and the capture's units.
+    pub matrix: [[f64; 4]; 3],
+}
+
+impl PhotoPose {
+    /// Of a camera as it was given and as it is now.
+    pub fn new(given: &Camera, refined: &Camera) -> Self {
+        let Pose { position, rotation } = refined.pose;
+        let axes = DMat3::from_quat(rotation).transpose();
+        let row = |k: usize| {
+            let [x, y, z] = axes.col(k).to_array();
+            [x, y, z, position[k]]
+        };
+        Self {
+            name: given.name.clone(),
+            turned_deg: given.pose.rotation.angle_between(rotation).to_degrees(),
+            moved: given.pose.position.distance(position),
+            matrix: [0, 1, 2].map(row),
+        }
+    }
+}
+
 /// GPU time of a stage, sampled from blocks of iterations throughout the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageTime {
@@ -173,6 +206,9 @@ pub struct TrainRecord {
     /// Of the photos that were trained on, where they were learnt.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposures: Vec<PhotoExposure>,
+    /// Of the same photos, where their poses were corrected.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub poses: Vec<PhotoPose>,
     /// Time per stage, longest first.
     pub stages: Vec<StageTime>,
     /// Device memory.
@@ -227,6 +263,22 @@ impl TrainRecord {
                 best.quality.psnr, best.iteration, last.quality.psnr, best.iteration
             )
         })
+    }
+
+    /// How far poses were corrected, where they were: in the median and at most.
+    pub fn poses_line(&self) -> Option<String> {
+        let of = |value: fn(&PhotoPose) -> f64| {
+            let mut values: Vec<f64> = self.poses.iter().map(value).collect();
+            values.sort_by(f64::total_cmp);
+            Some([*values.get(values.len() / 2)?, *values.last()?])
+        };
+        let ([turned, most_turned], [moved, most_moved]) = (of(|pose| pose.turned_deg)?, of(|pose| pose.moved)?);
+        let part = |moved: f64| 100.0 * moved / self.photos.extent;
+        Some(format!(
+            "turned by {turned:.2} degrees and moved by {:.2}% of the cameras' extent in the median, by {most_turned:.2} and {:.2}% at most",
+            part(moved),
+            part(most_moved)
+        ))
     }
 
     /// [`Self::diverged`] in a sentence.

@@ -20,7 +20,7 @@ use crate::splats::train::memory;
 use crate::{Error, Result};
 
 /// Entries of the footprint that cover several buffers.
-const SEVERAL: [&str; 3] = ["sort", "scan", "photos"];
+const SEVERAL: [&str; 4] = ["sort", "scan", "photos", "test poses"];
 
 /// The request.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +51,8 @@ pub enum TrainEvent<'a> {
     Evaluated(&'a Evaluation),
     /// Something could not be written; the run continues with the previous file.
     NotSaved(&'a Error),
+    /// What is to be known of a file that is written.
+    Note(&'a str),
     /// The run has ended with these Gaussians, in the capture's frame.
     Trained(&'a Gaussians),
     /// The record has changed, and with it the pictures of the worst test views (worst first).

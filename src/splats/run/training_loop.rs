@@ -7,13 +7,15 @@ use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
-use super::outputs::{self, CHECKPOINT, MODEL};
+use super::outputs::{self, CHECKPOINT, MODEL, REFINED};
 use super::record::{
-    CurvePoint, Evaluation, MemoryRecord, PhotoExposure, PhotosRecord, StageTime, Status, TrainRecord, finite_mean,
+    CurvePoint, Evaluation, MemoryRecord, PhotoExposure, PhotoPose, PhotosRecord, StageTime, Status, TrainRecord,
+    finite_mean,
 };
 use super::request::{Run, TrainEvent, TrainRequest};
 use crate::engine::vulkan::profile::{Profile, Row};
 use crate::files::io::folder::replace_file;
+use crate::files::io::transforms;
 use crate::files::photos::Photo;
 use crate::splats::data::split::Split;
 use crate::splats::data::store::PhotoStore;
@@ -79,6 +81,7 @@ impl<'a> TrainingLoop<'a> {
             evaluations: Vec::new(),
             test_views: Vec::new(),
             exposures: Vec::new(),
+            poses: Vec::new(),
             stages: Vec::new(),
             memory: MemoryRecord {
                 buffers: footprint.buffers.iter().map(|(name, bytes)| ((*name).to_owned(), *bytes)).collect(),
@@ -141,7 +144,7 @@ impl<'a> TrainingLoop<'a> {
         // Checkpoints are written before test views are evaluated: a run resumed there lacks that evaluation.
         let looked = self.record.evaluations.last().is_some_and(|last| last.iteration == self.first);
         if self.first > 0 && self.first < config.iterations && due(*evaluate_every, self.first) && !looked {
-            self.evaluate(&mut |view| trainer.picture(view), self.first, false, observe)?;
+            self.evaluate(&mut |view, _| trainer.picture(view), self.first, false, observe)?;
         }
         self.report(trainer, profile, observe)?;
         while flow.is_continue() && trainer.done() < config.iterations {
@@ -154,7 +157,7 @@ impl<'a> TrainingLoop<'a> {
                 self.save(trainer, observe)?;
             }
             if !last && flow.is_continue() && due(*evaluate_every, done) {
-                self.evaluate(&mut |view| trainer.picture(view), done, false, observe)?;
+                self.evaluate(&mut |view, _| trainer.picture(view), done, false, observe)?;
             }
             self.report(trainer, profile, observe)?;
         }
@@ -284,31 +287,51 @@ impl<'a> TrainingLoop<'a> {
         Ok(())
     }
 
-    /// The outputs. Test views are evaluated once the trainer's memory is free again.
+    /// The outputs. Test views are evaluated once the trainer's memory is free again, unless their poses are to be found.
     fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<()> {
         let Run { context, request, frame, views, .. } = self.run;
         let (done, trained) = (trainer.done(), trainer.gaussians()?);
-        let names = request.split.train.photos.iter().map(|photo| photo.camera.name.clone());
+        let photos = &request.split.train.photos;
+        let names = photos.iter().map(|photo| photo.camera.name.clone());
         self.record.exposures =
             names.zip(trainer.exposures()?).map(|(name, exposure)| PhotoExposure::new(name, &exposure)).collect();
-        drop(trainer);
+        let corrections = trainer.poses()?;
+        let refined: Vec<Photo> =
+            photos.iter().zip(&corrections).map(|(photo, by)| by.of_photo(photo, frame)).collect();
+        self.record.poses = photos
+            .iter()
+            .zip(&refined)
+            .map(|(given, refined)| PhotoPose::new(&given.camera, &refined.camera))
+            .collect();
+        let trainer = (!refined.is_empty()).then_some(trainer);
         // Not those of the last iteration: a refinement may have followed it.
         self.record.splats = trained.len() as u32;
         let mut in_world = frame.gaussians_to_world(trained.clone());
         in_world.antialiased = request.config.antialiased;
         let bytes = crate::files::io::ply::write::gaussians(&in_world);
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
+        if !refined.is_empty() {
+            let (text, notes) = transforms::write_photos(&refined.iter().collect::<Vec<_>>(), None);
+            for note in &notes {
+                let _ = observe(TrainEvent::Note(note));
+            }
+            replace_file(&request.folder.join(REFINED), |file| file.write_all(text.as_bytes()))?;
+        }
         let _ = observe(TrainEvent::Trained(&in_world));
         drop((bytes, in_world));
         let complete = done == request.config.iterations;
         if complete && !self.tests.is_empty() {
-            let [width, height] = largest(views);
-            let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
-            let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
-            let background = request.config.test_background();
-            let mut camera = |view: usize| Ok(renderer.picture(&views[view], background)?.pixels);
             self.record.evaluations.retain(|evaluation| evaluation.iteration < done);
-            self.evaluate(&mut camera, done, true, observe)?;
+            if let Some(mut trainer) = trainer {
+                self.evaluate(&mut |view, photo| trainer.picture_like(view, photo), done, true, observe)?;
+            } else {
+                let [width, height] = largest(views);
+                let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
+                let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
+                let background = request.config.test_background();
+                let mut camera = |view: usize, _: &[u32]| Ok(renderer.picture(&views[view], background)?.pixels);
+                self.evaluate(&mut camera, done, true, observe)?;
+            }
         }
         self.record.status = if complete { Status::Complete } else { Status::Interrupted };
         let _ = observe(TrainEvent::Report(&self.record, &self.worst));

@@ -1,7 +1,7 @@
 //! How much device memory a training run takes, known before anything is allocated.
 
-use super::exposure;
 use super::loss::{self, Record};
+use super::{exposure, poses, test_poses};
 use crate::engine::vulkan::Context;
 use crate::splats::config::{Strategy, TrainConfig};
 use crate::splats::render::frame::View;
@@ -44,6 +44,10 @@ pub fn footprint(context: &Context, config: &TrainConfig, sizes: &Sizes, views: 
     buffers.extend(loss::buffers(sizes));
     if config.exposure {
         buffers.extend(exposure::buffers(sizes, views));
+    }
+    if config.refine_poses {
+        buffers.extend(poses::buffers(sizes, views));
+        buffers.extend(test_poses::buffers(sizes, config));
     }
     buffers
 }

@@ -6,5 +6,8 @@ pub mod exposure;
 pub mod loss;
 pub mod mcmc;
 pub mod memory;
+pub mod poses;
+pub mod read_back;
+mod test_poses;
 pub mod trainer;
 pub mod update;

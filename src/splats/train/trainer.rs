@@ -9,13 +9,15 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::density::{self, AdaptiveDensity};
+use super::density::AdaptiveDensity;
 use super::epoch_sampler::EpochSampler;
-use super::exposure::{ExposureState, Exposures};
+use super::exposure::Exposures;
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::mcmc::{self, Mcmc};
 use super::memory;
-use super::update::{Moments, Trained, Update, UpdatePush};
+use super::poses::Poses;
+use super::test_poses::TestPoses;
+use super::update::{Learnt, Moments, Trained, Update, UpdatePush};
 use crate::engine::vulkan::pace::Pace;
 use crate::engine::vulkan::profile::Profile;
 use crate::engine::vulkan::{Buffer, Context, Recorder};
@@ -23,7 +25,6 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::random;
 use crate::splats::config::{Background, Schedule, Strategy, TrainConfig};
 use crate::splats::data::store::PhotoStore;
-use crate::splats::exposure::Exposure;
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{self, PassPush};
 use crate::splats::render::rasterizer::{Model, Rasterizer, Size};
@@ -36,21 +37,6 @@ const AHEAD: usize = 3;
 const MAX_STAGES: u32 = 96;
 const BACKGROUND_STREAM: u32 = 0x4580_0000;
 
-/// All that a run carries from one iteration to the next, on the host.
-#[derive(Clone, Debug, PartialEq)]
-pub struct State {
-    /// Iterations done.
-    pub done: u32,
-    /// Gaussians that there are.
-    pub population: u32,
-    /// Parameters, and Adam's two means: planes, `population` apart.
-    pub planes: [Vec<f32>; 3],
-    /// Sum of lengths of gradients and number of views of each Gaussian; empty where nothing is decided by them.
-    pub statistics: Vec<[f32; 2]>,
-    /// Of the photos, where they are learnt.
-    pub exposures: Vec<ExposureState>,
-}
-
 /// What changes the number of Gaussians.
 enum Density {
     Mcmc(Mcmc),
@@ -59,26 +45,29 @@ enum Density {
 
 /// A run.
 pub struct Trainer {
-    context: Arc<Context>,
-    config: TrainConfig,
+    pub(super) context: Arc<Context>,
+    pub(super) config: TrainConfig,
     schedule: Schedule,
     /// Gaussians at the start.
     started_with: u32,
-    views: Vec<View>,
-    view_buffer: Buffer,
+    pub(super) views: Vec<View>,
+    pub(super) view_buffer: Buffer,
     photos: PhotoStore,
     /// View of each photo.
     taken_from: Vec<u32>,
-    model: Model,
-    moments: Moments,
-    rasterizer: Rasterizer,
-    loss: Loss,
+    pub(super) model: Model,
+    pub(super) moments: Moments,
+    pub(super) rasterizer: Rasterizer,
+    pub(super) loss: Loss,
     /// Where they are learnt.
-    exposures: Option<Exposures>,
+    pub(super) exposures: Option<Exposures>,
     update: Update,
+    /// Where they are learnt, and of test views.
+    pub(super) poses: Option<Poses>,
+    pub(super) test_poses: Option<TestPoses>,
     density: Density,
-    ledger: Ledger,
-    done: u32,
+    pub(super) ledger: Ledger,
+    pub(super) done: u32,
     gpu_ms: f64,
     // Of iterations.
     pace: Pace,
@@ -118,6 +107,10 @@ impl Trainer {
         drop(commands);
         let exposures = || Exposures::new(context, &sizes, views.len(), photos.len() as u32, config.iterations);
         let exposures = config.exposure.then(exposures).transpose()?;
+        let poses = config.refine_poses.then(|| Poses::new(context, &sizes, &views, photos.len() as u32));
+        let wanted = memory::wanted(&config);
+        let test_poses = config.refine_poses.then(|| TestPoses::new(context, &sizes, wanted, &config));
+        let learnt = if config.refine_poses { Learnt::GaussiansAndPose } else { Learnt::Gaussians };
         Ok(Self {
             context: context.clone(),
             schedule: config.schedule(photos.len()),
@@ -128,10 +121,12 @@ impl Trainer {
             photos,
             model,
             moments,
-            rasterizer: Rasterizer::new(context, sizes, memory::wanted(&config))?,
-            loss: Loss::new(context, &sizes, memory::wanted(&config).divided(context)?)?,
+            rasterizer: Rasterizer::new(context, sizes, wanted)?,
+            loss: Loss::new(context, &sizes, wanted.divided(context)?)?,
             exposures,
-            update: Update::new(context, memory::wanted(&config), config.strategy == Strategy::Adc)?,
+            update: Update::new(context, &sizes, wanted, config.strategy == Strategy::Adc, learnt)?,
+            poses: poses.transpose()?,
+            test_poses: test_poses.transpose()?,
             density: match config.strategy {
                 Strategy::Mcmc => Density::Mcmc(Mcmc::new(context, config.max_splats)?),
                 Strategy::Adc => Density::Adaptive(AdaptiveDensity::new(context, config.max_splats)?),
@@ -142,34 +137,6 @@ impl Trainer {
             gpu_ms: 0.0,
             pace: Pace::new(context, 1),
         })
-    }
-
-    /// Resumes a run where it was stopped: the trainer must have been made of the same configuration, start and photos.
-    ///
-    /// # Errors
-    /// Where there are more Gaussians than the budget, or the device fails.
-    pub fn restore(&mut self, state: &State, history: &[Record]) -> Result<()> {
-        let (population, stride) = (state.population as usize, self.model.stride as usize);
-        if population > stride || state.planes.iter().any(|plane| plane.len() != self.planes() * population) {
-            return Err(Error::request("a state of another size cannot be taken up"));
-        }
-        let buffers = [&self.model.parameters, &self.moments.first, &self.moments.second];
-        for (buffer, packed) in buffers.into_iter().zip(&state.planes) {
-            let mut values = vec![0f32; self.planes() * stride];
-            for (to, from) in values.chunks_mut(stride).zip(packed.chunks(population.max(1))) {
-                to[..from.len()].copy_from_slice(from);
-            }
-            buffer.upload(&values)?;
-        }
-        self.model.population.upload(&[state.population])?;
-        self.ledger.history.write(history)?;
-        self.moments.statistics.upload(&state.statistics)?;
-        if let Some(exposures) = &self.exposures {
-            exposures.restore(&state.exposures)?;
-        }
-        self.ledger.mailbox.write(&[state.done, 0, 0, 0])?;
-        self.done = state.done;
-        Ok(())
     }
 
     /// Adds a photo from one of the views, in 8 bits as [`crate::splats::data::pictures`] has them; iterations to come look at it as well. The
@@ -208,7 +175,7 @@ impl Trainer {
         self.schedule.degree(self.done.saturating_sub(1), self.config.degree)
     }
 
-    fn planes(&self) -> usize {
+    pub(super) fn planes(&self) -> usize {
         layout::planes(self.config.degree)
     }
 
@@ -395,6 +362,10 @@ impl Trainer {
         rasterizer.backward(commands, view_buffer, instances, &self.loss.by_pixel, &push);
         let step = UpdatePush::new(&self.config, &self.schedule, &push);
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
+        if let Some(poses) = &self.poses {
+            let rate = Poses::rate(f64::from(iteration) / f64::from(self.config.iterations));
+            poses.record_step(commands, &self.update, model, [view_buffer, &ledger.control], (view, rate));
+        }
         if self.schedule.refines_after(iteration) {
             self.record_refinement(commands, iteration)?;
         }
@@ -434,67 +405,5 @@ impl Trainer {
         let mut commands = Recorder::new(&self.context)?;
         self.record_refinement(&mut commands, self.done)?;
         commands.submit_and_wait().map(drop)
-    }
-
-    /// What the model looks like from a view, over the background that tests are shown over.
-    ///
-    /// # Errors
-    /// Where the device fails or has not enough memory.
-    pub fn picture(&mut self, view: usize) -> Result<Vec<[f32; 4]>> {
-        let View { width, height, .. } = self.views[view];
-        let size = Size { width, height };
-        let push = PassPush {
-            stride: self.model.stride,
-            view: view as u32,
-            degree: self.degree(),
-            background: self.config.test_background(),
-            ..PassPush::default()
-        };
-        self.rasterizer.render(&self.model, &self.view_buffer, size, push)?;
-        self.rasterizer.picture.download(size.pixels() as usize)
-    }
-
-    /// Reads back all that the next iteration needs.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn state(&self) -> Result<State> {
-        let population = self.model.population.download::<u32>(1)?[0];
-        let packed = |buffer: &Buffer| self.packed(buffer, population);
-        let planes = [packed(&self.model.parameters)?, packed(&self.moments.first)?, packed(&self.moments.second)?];
-        let counted = if self.config.strategy == Strategy::Adc { population as usize } else { 0 };
-        let statistics = self.moments.statistics.download(counted)?;
-        let exposures = self.exposures.as_ref().map_or(Ok(Vec::new()), Exposures::states)?;
-        Ok(State { done: self.done, population, planes, statistics, exposures })
-    }
-
-    /// Exposures of the photos as they are; empty where none are learnt.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn exposures(&self) -> Result<Vec<Exposure>> {
-        self.exposures.as_ref().map_or(Ok(Vec::new()), Exposures::learnt)
-    }
-
-    /// The values of the first `population` Gaussians, plane by plane.
-    fn packed(&self, buffer: &Buffer, population: u32) -> Result<Vec<f32>> {
-        let (population, stride) = (population as usize, self.model.stride as usize);
-        let mut values = Vec::with_capacity(self.planes() * population);
-        for plane in 0..self.planes() {
-            values.extend(buffer.download_from::<f32>(plane * stride, population)?);
-        }
-        Ok(values)
-    }
-
-    /// The Gaussians as they are, in the training frame.
-    ///
-    /// # Errors
-    /// Where the device fails.
-    pub fn gaussians(&self) -> Result<Gaussians> {
-        let population = self.model.population.download::<u32>(1)?[0];
-        let parameters = self.packed(&self.model.parameters, population)?;
-        let all = layout::from_planes(&parameters, self.config.degree, population as usize, population as usize);
-        // Free slots and NaN are never drawn.
-        Ok(all.filtered(|i| all.opacities[i] >= 0.5 * density::FREE && all.is_finite(i)))
     }
 }

@@ -8,7 +8,7 @@ use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::splats::config::{HARMONICS_EVERY, Schedule, Strategy, TrainConfig};
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{PassPush, Projected};
-use crate::splats::render::rasterizer::{Model, Rasterizer};
+use crate::splats::render::rasterizer::{Model, Rasterizer, Sizes};
 use crate::splats::render::wanted::Wanted;
 
 crate::gpu_struct! {
@@ -92,6 +92,10 @@ crate::specialisation! {
         statistics: bool,
         /// Whether partials are summed by Gaussian already (`--fast`).
         summed: bool,
+        /// Whether the gradient by the camera's pose is wanted.
+        poses: bool,
+        /// Whether Gaussians stay as they are.
+        frozen: bool,
     }
 }
 
@@ -99,7 +103,7 @@ crate::stage!(
     /// Gradients by parameters, Adam, noise.
     pub(crate) SplatUpdateStage = splat_update<UpdateConstants>(UpdatePush) {
         read views, read population, read control, read projected, read runs, read partials, write parameters,
-        write first, write second, write statistics,
+        write first, write second, write statistics, write forces,
     } with [View, Projected]
 );
 
@@ -136,19 +140,49 @@ pub struct Trained<'a> {
     pub control: &'a Buffer,
 }
 
+/// Numbers of [`Update::forces`] of a Gaussian.
+pub(super) const FORCES: usize = 6;
+
+/// Bytes of [`Update::forces`].
+pub(super) fn forces(sizes: &Sizes) -> u64 {
+    4 * FORCES as u64 * u64::from(sizes.gaussians)
+}
+
+/// What an iteration learns beside the Gaussians' parameters, or in their place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Learnt {
+    /// The parameters alone.
+    Gaussians,
+    /// They, and the photo's pose.
+    GaussiansAndPose,
+    /// The photo's pose: Gaussians stay as they are.
+    Pose,
+}
+
 /// The stage.
 pub struct Update {
     pipeline: Pipeline,
+    /// What turning each Gaussian about the camera and moving it change in the loss, in planes, where a pose is learnt.
+    pub forces: Buffer,
 }
 
 impl Update {
     /// Compiles it, with or without statistics, for sums of instances or those of the fast way.
     ///
     /// # Errors
-    /// Where the device fails.
-    pub fn new(context: &Arc<Context>, wanted: Wanted, statistics: bool) -> Result<Self> {
-        let constants = UpdateConstants { antialiased: wanted.antialiased, statistics, summed: wanted.fast };
-        Ok(Self { pipeline: Pipeline::new::<SplatUpdateStage>(context, &constants)? })
+    /// Where the device has too little memory, or fails.
+    pub fn new(
+        context: &Arc<Context>,
+        sizes: &Sizes,
+        wanted: Wanted,
+        statistics: bool,
+        learnt: Learnt,
+    ) -> Result<Self> {
+        let (poses, frozen) = (learnt != Learnt::Gaussians, learnt == Learnt::Pose);
+        let constants =
+            UpdateConstants { antialiased: wanted.antialiased, statistics, summed: wanted.fast, poses, frozen };
+        let forces = Buffer::device(context, "forces", if poses { forces(sizes) } else { 0 })?;
+        Ok(Self { pipeline: Pipeline::new::<SplatUpdateStage>(context, &constants)?, forces })
     }
 
     /// Records it after the backward pass.
@@ -175,6 +209,7 @@ impl Update {
                     first: &moments.first,
                     second: &moments.second,
                     statistics: &moments.statistics,
+                    forces: &self.forces,
                 },
             )
             .push(push)

@@ -7,6 +7,7 @@ mod composite;
 pub mod fisher;
 pub(crate) mod loss;
 pub mod optimise;
+mod pose;
 pub(crate) mod project;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,7 @@ use crate::engine::vulkan::shaders::glsl::splats::gaussian;
 use crate::scene::gaussians::Gaussians;
 
 pub use self::loss::loss;
+pub use self::pose::by_pose;
 pub use self::project::Projected;
 
 /// What a picture is taken with: a pinhole, camera-from-world.

@@ -142,9 +142,8 @@ fn hold(name: &str, splats: &[Splat], view: &View, rules: &Rules) {
     assert!(largest > 1e-3, "{name}: nothing was seen");
 }
 
-/// If this failed, training would not descend; every case is one that trainers are known to get wrong.
-#[test]
-fn gradients_are_those_of_differences() {
+/// Scenes of all kinds, those among them that trainers are known to get wrong, each by both rules.
+fn each_kind(mut check: impl FnMut(&str, &[Splat], &Rules)) {
     let (thin, wide) = ([-14.0, -12.0], [-1.5, -0.5]);
     let kinds = [
         ("plain", KIND),
@@ -170,9 +169,45 @@ fn gradients_are_those_of_differences() {
             if name == "all but clear" {
                 splats.extend(scene(50, 2, KIND, &view()));
             }
-            hold(&format!("{name}, antialiased {antialiased}"), &splats, &view(), &rules);
+            check(&format!("{name}, antialiased {antialiased}"), &splats, &rules);
         }
     }
+}
+
+/// If this failed, training would not descend.
+#[test]
+fn gradients_are_those_of_differences() {
+    each_kind(|name, splats, rules| hold(name, splats, &view(), rules));
+}
+
+/// If this failed, poses would be corrected along another slope than the loss has: cameras would still come to rest, in wrong places.
+#[test]
+fn the_gradient_by_the_pose_is_that_of_differences() {
+    let view = view();
+    each_kind(|name, splats, rules| {
+        let value = |turn: DVec3, shift: DVec3| {
+            let rotation = view.rotation * DMat3::from_quat(DQuat::from_scaled_axis(-turn));
+            let moved = View { rotation, translation: -(rotation * (view.centre() + shift)), ..view };
+            weighed(splats, &moved, rules)
+        };
+        let found = by_pose(splats, &view, rules, BACKGROUND, &weights(&view));
+        let mut largest = 0.0f64;
+        for (of, found) in found.into_iter().enumerate() {
+            for axis in 0..3 {
+                let at = |by: f64| {
+                    let mut moved = [DVec3::ZERO; 2];
+                    moved[of][axis] = by;
+                    value(moved[0], moved[1])
+                };
+                let h = 1e-4;
+                let known = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+                let (error, what) = ((found[axis] - known).abs(), ["turn", "shift"][of]);
+                assert!(error <= 1e-6 * known.abs() + 1e-7, "{name}: {what} {axis}: {} for {known}", found[axis]);
+                largest = largest.max(known.abs());
+            }
+        }
+        assert!(largest > 1e-2, "{name}: nothing was seen");
+    });
 }
 
 /// If this failed, the backward pass would stop, skip or cap elsewhere than the picture did.

@@ -19,7 +19,7 @@ use crate::splats::render::layout::PassPush;
 use crate::splats::render::rasterizer::{Rasterizer, Size};
 use crate::splats::render::renderer::Renderer;
 use crate::splats::render::wanted::Wanted;
-use crate::splats::train::update::{Moments, Update, UpdatePush};
+use crate::splats::train::update::{Learnt, Moments, Update, UpdatePush};
 use crate::{Error, Result};
 
 crate::gpu_struct! {
@@ -189,7 +189,7 @@ impl Manifold {
             residual: Pipeline::new::<NoiseResidualStage>(context, &())?,
             learn: Pipeline::new::<NoiseLearnStage>(context, &())?,
             spread: Pipeline::new::<NoiseSpreadStage>(context, &())?,
-            update: Update::new(context, wanted, false)?,
+            update: Update::new(context, renderer.rasterizer.sizes(), wanted, false, Learnt::Gaussians)?,
             sum: Reduce::new(context, Operation::SumF32, size.pixels())?,
             base: values("base")?,
             scales: values("scales")?,

@@ -86,6 +86,7 @@ fn run(iterations: u32, status: Status) -> TrainRecord {
         evaluations,
         test_views: (0..24).map(view).collect(),
         exposures: Vec::new(),
+        poses: Vec::new(),
         stages: stages.collect(),
         memory: MemoryRecord { announced: buffers.iter().map(|(_, size)| size).sum(), peak: 2_034 << 20, buffers },
     }
@@ -101,6 +102,7 @@ fn fresh() -> TrainRecord {
         evaluations: Vec::new(),
         test_views: Vec::new(),
         exposures: Vec::new(),
+        poses: Vec::new(),
         stages: Vec::new(),
         memory: MemoryRecord::default(),
         ..run(0, Status::Running)

@@ -14,7 +14,7 @@ use camsplat::splats::render::layout::{self, PassPush};
 use camsplat::splats::render::rasterizer::{Model, Rasterizer, Size, Sizes};
 use camsplat::splats::render::wanted::Wanted;
 use camsplat::splats::train::loss::{Ledger, Loss, Record};
-use camsplat::splats::train::update::{Moments, Update, UpdatePush};
+use camsplat::splats::train::update::{Learnt, Moments, Update, UpdatePush};
 use camsplat::splats::twin;
 use glam::{DMat3, DVec3};
 
@@ -121,6 +121,8 @@ pub struct Pass {
     pub by_pixel: Vec<[f32; 4]>,
     /// Gradient of the loss by each parameter, in planes without gaps.
     pub gradients: Vec<f32>,
+    /// What turning each Gaussian about the camera and moving it change, in planes.
+    pub forces: Vec<f32>,
     /// Instances.
     pub instances: u32,
 }
@@ -161,7 +163,7 @@ pub fn pass(
     let rasterizer = Rasterizer::new(context, sizes, wanted)?;
     let loss = Loss::new(context, &sizes, wanted.divided(context)?)?;
     loss.photo.upload(photo)?;
-    let update = Update::new(context, wanted, false)?;
+    let update = Update::new(context, &sizes, wanted, false, Learnt::GaussiansAndPose)?;
     let push = PassPush { stride, view: 0, degree: gaussians.degree, capacity, background, iteration: 0 };
     // Rates of zero leave the parameters; Adam's first mean is then a tenth of the gradient.
     let step = UpdatePush { stride, degree: gaussians.degree, ..UpdatePush::default() };
@@ -185,6 +187,7 @@ pub fn pass(
         record: records[0],
         by_pixel: loss.by_pixel.download(pixels)?,
         gradients: moments.first.download::<f32>(planes.len())?.into_iter().map(|m| 10.0 * m).collect(),
+        forces: update.forces.download(6 * stride as usize)?,
         instances: rasterizer.counts.download::<u32>(1)?[0],
     })
 }
