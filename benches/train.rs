@@ -87,8 +87,14 @@ impl Timed {
         let parameters = layout::to_planes(start, MAX_DEGREE, start.len());
         let zeros = vec![0.0; parameters.len()];
         let planes = [parameters, zeros.clone(), zeros];
-        let state =
-            State { done: DONE, population: start.len() as u32, planes, statistics: Vec::new(), exposures: Vec::new() };
+        let state = State {
+            done: DONE,
+            population: start.len() as u32,
+            planes,
+            statistics: Vec::new(),
+            exposures: Vec::new(),
+            poses: Vec::new(),
+        };
         Self { trainer, state, history: vec![Record::default(); DONE as usize], warm }
     }
 

@@ -416,7 +416,7 @@ class TrainOptions(TypedDict, total=False):
     """Learn each photo's exposure and white balance: for phones, whose photos of one thing differ. Test views are compared with the exposure that fits the other half of the picture"""
 
     refine_poses: bool
-    """Correct each photo's pose, by a degree or so: where a phone's tracking or a reconstruction is off. In the end test views are compared from where the model looks most like the photo"""
+    """Correct each photo's pose, by a degree or so: where a phone's tracking or a reconstruction is off. In the end the poses of test views are corrected as well"""
 
     masks: Literal["background", "ignore"]
     """What masks and alpha channels say of what they leave out"""

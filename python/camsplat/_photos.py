@@ -79,7 +79,7 @@ class Training(Report):
     @property
     def cameras(self) -> Optional[Cameras]:
         """Cameras of the photos that were trained on, with their poses corrected, where `refine_poses` was asked for; else `None`."""
-        refined = self.folder / "transforms.json"
+        refined = self.folder / "refined" / "transforms.json"
         return read_cameras(refined) if refined.is_file() else None
 
     def _measured(self, metric: str) -> Optional[float]:

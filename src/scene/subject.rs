@@ -135,9 +135,8 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
 /// The largest thing that stands on the ground of a surface, by the volume below its top, as an axis-aligned box from the ground up.
 ///
 /// The ground is a plane, level or sloping, by the lowest points of a map's cells, and hills on it that rise nowhere steeper than [`SLOPE`].
-/// What stands on it are connected cells that rise above by a
-/// quarter of the mean rise, in which each cell counts by its own: a mast alone is no more than it holds. Returns the height of the ground
-/// there along up, too.
+/// What stands on it are connected cells that rise above by a quarter of the mean rise, in which each cell counts by its own: a mast alone is
+/// no more than it holds. Returns the height of the ground there along up, too.
 ///
 /// # Errors
 /// Where nothing stands on anything.
@@ -166,7 +165,8 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
     }
     let seen: Vec<usize> = (0..cells.len()).filter(|i| cells[*i][0].is_finite()).collect();
     let plane = ground(&seen.iter().map(|i| (middle(*i) - low, cells[*i][0])).collect::<Vec<_>>(), FLAT * side);
-    let above = |i: usize| cells[i][0] - plane.dot((middle(i) - low).extend(1.0));
+    // A stray low point, or a pit, is no reason to take the land around it for what stands on it.
+    let above = |i: usize| (cells[i][0] - plane.dot((middle(i) - low).extend(1.0))).max(0.0);
     let hills = gentle((0..cells.len()).map(above).collect(), dims.x as usize, SLOPE * cell);
     let ground_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)];
     let rise = |i: usize| cells[i][1] - ground_at(middle(i));
@@ -298,9 +298,13 @@ mod tests {
     /// If this failed, cameras would stand around a hill, or a house on a hill with half of the hill would be the subject.
     #[test]
     fn a_hill_is_no_subject() {
-        // Rolling land with a house on a hillside, as a drone's mesh has it: roof, walls and ground in one sheet.
-        let land =
-            |x: f64, y: f64| 9.0 * (-((x - 30.0).powi(2) + (y + 10.0).powi(2)) / 800.0).exp() + 2.0 * (x / 18.0).sin();
+        // Rolling land with a house on a hillside, as a drone's mesh has it: roof, walls and ground in one sheet; a pond that was dug, and a
+        // point far below as reconstructions have them.
+        let land = |x: f64, y: f64| {
+            let hill = 9.0 * (-((x - 30.0).powi(2) + (y + 10.0).powi(2)) / 800.0).exp() + 2.0 * (x / 18.0).sin();
+            let dug = if (-60.0..-38.0).contains(&x) && (-20.0..2.0).contains(&y) { 8.0 } else { 0.0 };
+            hill - if (x, y) == (-50.0, 40.0) { 12.0 } else { dug }
+        };
         let house = |x: f64, y: f64| (18.0..28.0).contains(&x) && (-4.0..6.0).contains(&y);
         let height = |x: f64, y: f64| if house(x, y) { land(23.0, 1.0) + 7.0 } else { land(x, y) };
         let place = |i: usize| f64::from(i as u32 % 161) - 80.0;

@@ -303,7 +303,7 @@ fn a_mission_under_a_roof_is_not_written() {
         &place,
         &[(
             &format!("export plan.json {GEO} --surface hall.ply --out no"),
-            &["the surface is above its first waypoint", "begin and end in the open"],
+            &["the surface lies above a mission's first waypoint", "begin and end in the open"],
         )],
     );
 }

@@ -13,4 +13,4 @@ struct PoseState {
 // Numbers of a correction.
 const uint LEARNT = 6;
 // Gaussians that a workgroup of the first stage sums.
-const uint SUMMED = 1024;
+const uint PER_GROUP = 1024;

@@ -20,7 +20,7 @@ layout(binding = 2, std430) writeonly buffer Sums { float pose_sums[]; };
 shared float sums[LEARNT][256];
 
 void main() {
-    uint thread = gl_LocalInvocationIndex, begin = group_index() * SUMMED, end = min(begin + SUMMED, population[0]);
+    uint thread = gl_LocalInvocationIndex, begin = group_index() * PER_GROUP, end = min(begin + PER_GROUP, population[0]);
     if (begin >= end) return;
     [[unroll]] for (uint k = 0; k < LEARNT; ++k) {
         float sum = 0.0;

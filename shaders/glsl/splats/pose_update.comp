@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require
 // Poses, 2: Adam's step for the correction of the view's pose, against what moving the world would change: a camera that moves sees the
-// world move the other way. Then the mean over all photos is taken from each: what all have in common moves the scene, not a camera. One
-// workgroup; sums in fixed order.
+// world move the other way. Then the mean over all photos is taken from each: a motion that all have in common could as well be the
+// scene's. One workgroup; sums in fixed order.
 #include "shared/adam.glsl"
 #include "shared/fold.glsl"
 #include "splats/gaussian.glsl"
@@ -25,7 +25,7 @@ shared float sums[LEARNT][256];
 
 void main() {
     if (control[0] != 0) return;
-    uint thread = gl_LocalInvocationIndex, groups = (population[0] + SUMMED - 1) / SUMMED;
+    uint thread = gl_LocalInvocationIndex, groups = (population[0] + PER_GROUP - 1) / PER_GROUP;
     [[unroll]] for (uint k = 0; k < LEARNT; ++k) {
         float sum = 0.0;
         for (uint group = thread; group < groups; group += 256) sum += pose_sums[LEARNT * group + k];
@@ -33,6 +33,10 @@ void main() {
     }
     FOLD(thread, 256, [[unroll]] for (uint k = 0; k < LEARNT; ++k) sums[k][thread] += sums[k][thread + apart]);
     barrier();
+    // Of a gradient that is no number nothing is learnt; the mean would hand it on to all.
+    bool finite = true;
+    [[unroll]] for (uint k = 0; k < LEARNT; ++k) finite = finite && (floatBitsToUint(sums[k][0]) & 0x7fffffffu) < 0x7f800000u;
+    if (!finite) return;
     if (thread < LEARNT) {
         float first = poses[view].first[thread], second = poses[view].second[thread];
         adam_means(-sums[thread][0], first, second);

@@ -63,8 +63,8 @@ pub struct Arguments {
     /// exposure that fits the other half of the picture
     #[arg(long)]
     exposure: bool,
-    /// Correct each photo's pose, by a degree or so: where a phone's tracking or a reconstruction is off. In the end test views are compared
-    /// from where the model looks most like the photo
+    /// Correct each photo's pose, by a degree or so: where a phone's tracking or a reconstruction is off. In the end the poses of test
+    /// views are corrected as well
     #[arg(long)]
     refine_poses: bool,
     /// What masks and alpha channels say of what they leave out
@@ -251,6 +251,7 @@ fn is_complete(request: &TrainRequest) -> bool {
         let photos = (request.split.train.photos.len(), request.split.test.len());
         record.status == Status::Complete
             && record.config == request.config
+            && (!record.config.refine_poses || request.folder.join(REFINED).is_file())
             && (capture, (train, test), shrink) == (request.capture.clone(), photos, request.shrink)
             && io::read_gaussians_with_notes(&request.folder.join(MODEL))
                 .is_ok_and(|(model, _)| model.len() == record.splats as usize)
@@ -327,6 +328,10 @@ impl Watch {
         match event {
             TrainEvent::Photos(done, all) => self.progress.set(done as u32, all as u32),
             TrainEvent::Iterations(done) => self.progress.set(done, self.iterations),
+            TrainEvent::Tests(done, all) => {
+                self.progress.name("correcting test views");
+                self.progress.set(done as u32, all as u32);
+            }
             TrainEvent::Evaluated(evaluation) => self.progress.line(&line(evaluation)),
             TrainEvent::NotSaved(error) => self.progress.line(&format!("warning: no checkpoint was written: {error}")),
             TrainEvent::Note(note) => self.progress.line(&format!("note     {note}")),

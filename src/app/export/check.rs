@@ -100,7 +100,7 @@ pub fn faults(flown: &Flown, missions: &[Mission], around: &Surroundings<'_>) ->
         }
     }
     faults.extend(legs(flown, first.home.altitude, around)?);
-    faults.extend(roofed(flown, first, around)?);
+    faults.extend(roofed(missions, around)?);
     Ok(faults)
 }
 
@@ -187,22 +187,22 @@ fn legs(flown: &Flown, takeoff: f64, around: &Surroundings<'_>) -> Result<Vec<St
     Ok(faults)
 }
 
-/// Whether the surface is in the way between the height that the drone climbs to and the first waypoint, which it comes down to, or the last
-/// one, from which it goes home.
-fn roofed(flown: &Flown, mission: &Mission, around: &Surroundings<'_>) -> Result<Option<String>> {
-    let (Some(terrain), Some(first), Some(last)) = (around.terrain, flown.way.first(), flown.way.last()) else {
-        return Ok(None);
-    };
-    let takeoff = mission.home.altitude;
-    for (place, name) in [(first, "first"), (last, "last")] {
-        let place = geodetic(place, takeoff);
-        let high = Geodetic { altitude: place.altitude.max(takeoff + mission.climb), ..place };
-        if terrain.clearance(around.earth.scene_point(&place)?, around.earth.scene_point(&high)?, 1e-9) < 1e-9 {
-            return Ok(Some(format!(
-                "the surface is above its {name} waypoint, and the drone passes there at {:.0} m above its take-off: begin and end in the open; \
-                 indoors nothing finds its way by GPS",
-                mission.climb
-            )));
+/// Whether the surface is in the way between the height that the drone climbs to and the first waypoint of a mission, which it comes down to,
+/// or the last one, from which it goes home.
+fn roofed(missions: &[Mission], around: &Surroundings<'_>) -> Result<Option<String>> {
+    let Some(terrain) = around.terrain else { return Ok(None) };
+    for mission in missions {
+        let (first, last) = (mission.waypoints.first(), mission.waypoints.last());
+        for (waypoint, name) in [(first, "first"), (last, "last")] {
+            let Some(Waypoint { place, .. }) = waypoint else { continue };
+            let high = Geodetic { altitude: place.altitude.max(mission.home.altitude + mission.climb), ..*place };
+            if terrain.clearance(around.earth.scene_point(place)?, around.earth.scene_point(&high)?, 1e-9) < 1e-9 {
+                return Ok(Some(format!(
+                    "the surface lies above a mission's {name} waypoint, through which the drone would pass on its way from or to {:.0} m above \
+                     the take-off: begin and end in the open; indoors nothing finds its way by GPS",
+                    mission.climb
+                )));
+            }
         }
     }
     Ok(None)

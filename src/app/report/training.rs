@@ -445,12 +445,7 @@ fn summary(record: &TrainRecord) -> String {
             if config.masks == Masks::Ignore { "counts for nothing" } else { "is background" }.into(),
         ),
         ("Exposures of photos", if config.exposure { "learnt" } else { "taken as they are" }.into()),
-        (
-            "Poses of photos",
-            record
-                .poses_line()
-                .unwrap_or_else(|| if config.refine_poses { "corrected" } else { "taken as they are" }.into()),
-        ),
+        ("Poses of photos", poses(record)),
         ("Suppression of floaters", if config.suppress_floaters { "on" } else { "off" }.into()),
         ("Seed", config.seed.to_string()),
         ("Device", record.device.clone()),
@@ -458,6 +453,14 @@ fn summary(record: &TrainRecord) -> String {
     ];
     let row = |(term, text): &(&str, String)| format!("<div><dt>{term}</dt><dd>{}</dd></div>\n", escape(text));
     rows.iter().map(row).collect()
+}
+
+fn poses(record: &TrainRecord) -> String {
+    match record.poses_line() {
+        Some(line) => format!("{line}; in the last evaluation those of test views are corrected too"),
+        None if record.config.refine_poses => "corrected".into(),
+        None => "taken as they are".into(),
+    }
 }
 
 fn strategy(config: &TrainConfig) -> &'static str {

@@ -167,6 +167,9 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
     let planes = [plane(0), plane(1), plane(2)];
     let behind = &rest[3 * part + 8 * counted..];
     let numbers: Vec<f32> = (0..behind.len() / 4).map(|k| float(behind, k)).collect();
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err(damaged("an exposure or a pose is no number"));
+    }
     // As long as the length that was checked.
     let (exposures, poses) = numbers.split_at(of_exposures as usize / 4);
     let (exposures, poses) = (bytemuck::cast_slice(exposures).to_vec(), bytemuck::cast_slice(poses).to_vec());

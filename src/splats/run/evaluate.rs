@@ -95,6 +95,11 @@ impl Tests {
         self.pixels
     }
 
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.photos.len()
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.photos.is_empty()
@@ -115,7 +120,11 @@ impl Tests {
         look: impl FnMut(&TestView, Pair),
     ) -> Result<Vec<TestView>> {
         if all && self.lpips.is_none() && !self.is_empty() {
-            self.lpips = Some(Lpips::new(context, &Weights::alex()?)?);
+            self.lpips = match Lpips::new(context, &Weights::alex()?) {
+                // No reason to discard a model.
+                Err(Error::OutOfMemory { .. }) => None,
+                network => Some(network?),
+            };
         }
         let mut lpips = self.lpips.take();
         let measured = match all {
@@ -185,7 +194,7 @@ impl Tests {
 }
 
 /// The picture with the exposure of its photo, which nobody has learnt: each half is shown with that which fits the other half best, so that
-/// no pixel is compared with what was fitted to it.
+/// no pixel is compared with the exposure that was fitted to it.
 fn exposed(rendered: &[[f32; 4]], picture: &Picture, background: [f32; 3]) -> Vec<[f32; 4]> {
     let behind = DVec3::from(background.map(f64::from));
     let width = picture.width as usize;

@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use super::evaluate::Pair;
 use super::record::TrainRecord;
 use crate::engine::parallel::try_each;
-use crate::files::io::folder::replace_unforced;
+use crate::files::io::folder::{replace_file, replace_unforced};
 use crate::files::io::picture;
 use crate::files::io::splats::SplatFormat;
+use crate::files::io::{ply, transforms};
 use crate::files::photos::Photo;
+use crate::scene::surface::Points;
 use crate::{Error, Result};
 
 /// What a stopped run is resumed from.
@@ -21,8 +23,11 @@ pub(crate) fn model_in(format: SplatFormat) -> String {
     format!("point_cloud.{}", format.extension())
 }
 
-/// Cameras of the photos with their poses corrected, where they were.
-pub(crate) const REFINED: &str = "transforms.json";
+/// Cameras of the photos with their poses corrected, where they were; the seed cloud is beside it. In a folder of their own, so that no
+/// capture in the same folder is replaced.
+pub(crate) const REFINED: &str = "refined/transforms.json";
+/// See [`REFINED`].
+const REFINED_POINTS: &str = "refined/points.ply";
 /// The record of the run.
 pub(crate) const RECORD: &str = "train.json";
 /// The HTML report.
@@ -86,7 +91,10 @@ pub fn clear(folder: &Path) -> Result<()> {
     let names = picture_names(&earlier.into_iter().map(|view| view.name).collect::<Vec<_>>());
     let pictures = PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name)));
     let models = SplatFormat::ALL.map(model_in);
-    let own = [CHECKPOINT, REFINED].into_iter().chain(models.iter().map(String::as_str)).map(|name| folder.join(name));
+    let own = [CHECKPOINT, REFINED, REFINED_POINTS]
+        .into_iter()
+        .chain(models.iter().map(String::as_str))
+        .map(|name| folder.join(name));
     for path in own.chain(pictures).filter(|path| path.is_file()) {
         std::fs::remove_file(&path).map_err(|source| Error::io(&path, source))?;
     }
@@ -120,9 +128,75 @@ pub(crate) fn write_pair(folder: &Path, name: &Path, pair: &Pair) -> Result<()> 
     Ok(())
 }
 
+/// Writes the photos' corrected cameras, which name the images where they lie, and the capture's points; what is to be said of these.
+///
+/// # Errors
+/// When the system refuses.
+pub(crate) fn write_refined(folder: &Path, photos: &[Photo], points: &Points) -> Result<Vec<String>> {
+    let file = folder.join(REFINED);
+    let beside = file.parent().unwrap_or(folder);
+    std::fs::create_dir_all(beside).map_err(|source| Error::io(beside, source))?;
+    let paths = |photo: &Photo| {
+        let image = photo.image.as_deref().map(|image| from_folder(beside, image));
+        (image.unwrap_or_default(), photo.mask.as_deref().map(|mask| from_folder(beside, mask)))
+    };
+    let cloud = (!points.positions.is_empty()).then(|| ply::write::points(&points.positions, &points.colours, None));
+    let name = cloud.as_ref().map(|_| "points.ply");
+    let (text, notes) = transforms::write_photos_at(&photos.iter().collect::<Vec<_>>(), name, paths);
+    if let Some(cloud) = cloud {
+        replace_file(&folder.join(REFINED_POINTS), |file| file.write_all(&cloud))?;
+    }
+    replace_file(&file, |file| file.write_all(text.as_bytes()))?;
+    Ok(notes)
+}
+
+/// The path of a file as it is from a folder, with `/`; the whole path where they have nothing in common, and as it is where one is not there.
+fn from_folder(folder: &Path, file: &Path) -> String {
+    let (Ok(folder), Ok(whole)) = (folder.canonicalize(), file.canonicalize()) else {
+        return file.display().to_string();
+    };
+    let shared = folder.components().zip(whole.components()).take_while(|(a, b)| a == b).count();
+    if shared == 0 {
+        return whole.display().to_string();
+    }
+    let up = folder.components().skip(shared).map(|_| "..".into());
+    let down = whole.components().skip(shared).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    up.chain(down).collect::<Vec<String>>().join("/")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// If this failed, training anew would mistake files of an earlier run for its own, or remove a user's capture from the folder.
+    #[test]
+    fn what_an_earlier_run_left_goes_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("refined")).unwrap();
+        let kept = ["transforms.json", "points.ply", "refined/notes.txt"];
+        for name in [&[CHECKPOINT, MODEL, REFINED, REFINED_POINTS][..], &kept].concat() {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        clear(folder.path()).unwrap();
+        for name in [CHECKPOINT, MODEL, REFINED, REFINED_POINTS] {
+            assert!(!folder.path().join(name).exists(), "{name} stayed");
+        }
+        assert!(kept.iter().all(|name| folder.path().join(name).exists()), "what is not of a run is gone");
+    }
+
+    /// If this failed, other trainers would not find the photos of corrected cameras.
+    #[test]
+    fn photos_are_named_as_they_lie_from_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(place("out/refined")).unwrap();
+        std::fs::create_dir_all(place("capture/images/left")).unwrap();
+        std::fs::write(place("capture/images/left/a b.jpg"), "").unwrap();
+        let from = |file: &str| from_folder(&place("out/refined"), &place(file));
+        assert_eq!(from("capture/images/left/a b.jpg"), "../../capture/images/left/a b.jpg");
+        assert_eq!(from("out/refined"), "");
+        assert!(from("gone.jpg").ends_with("gone.jpg"));
+    }
 
     fn names(given: &[&str]) -> Vec<String> {
         let names: Vec<String> = given.iter().map(|name| (*name).to_owned()).collect();

@@ -251,7 +251,9 @@ impl TrainRecord {
     /// [`OVERFITTED_DB`]: the model comes to fit its photos at the cost of all other views. None of trainings that diverged.
     pub fn overfitted(&self) -> Option<[Evaluation; 2]> {
         let judged = self.status == Status::Complete && self.diverged().is_none();
-        judged.then(|| worsened(&self.evaluations)).flatten()
+        // In the last evaluation poses of test views are corrected too: it compares with none before it.
+        let alike = self.evaluations.len().saturating_sub(usize::from(self.config.refine_poses));
+        judged.then(|| worsened(&self.evaluations[..alike])).flatten()
     }
 
     /// [`Self::overfitted`] in a sentence.

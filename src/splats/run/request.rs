@@ -47,6 +47,8 @@ pub enum TrainEvent<'a> {
     Photos(usize, usize),
     /// So many iterations are done.
     Iterations(u32),
+    /// The poses of so many test views of so many have been corrected.
+    Tests(usize, usize),
     /// The test views have been evaluated.
     Evaluated(&'a Evaluation),
     /// Something could not be written; the run continues with the previous file.

@@ -1,5 +1,6 @@
 //! The training loop: from a capture to a folder with the trained file, test pictures, metrics, checkpoint and report.
 
+use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
@@ -7,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::checkpoint::{self, Checkpoint, Header, Input};
 use super::evaluate::{self, Camera, Pair, Tests};
-use super::outputs::{self, CHECKPOINT, MODEL, REFINED};
+use super::outputs::{self, CHECKPOINT, MODEL};
 use super::record::{
     CurvePoint, Evaluation, MemoryRecord, PhotoExposure, PhotoPose, PhotosRecord, StageTime, Status, TrainRecord,
     finite_mean,
@@ -15,7 +16,6 @@ use super::record::{
 use super::request::{Run, TrainEvent, TrainRequest};
 use crate::engine::vulkan::profile::{Profile, Row};
 use crate::files::io::folder::replace_file;
-use crate::files::io::transforms;
 use crate::files::photos::Photo;
 use crate::splats::data::split::Split;
 use crate::splats::data::store::PhotoStore;
@@ -287,6 +287,23 @@ impl<'a> TrainingLoop<'a> {
         Ok(())
     }
 
+    /// Evaluates all test views with their poses corrected, which takes as long as some iterations for each: `observe` may stop it.
+    fn evaluate_corrected(
+        &mut self,
+        mut trainer: Trainer,
+        done: u32,
+        observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let (all, mut tested) = (self.tests.len(), 0);
+        let observe = RefCell::new(observe);
+        let mut camera = |view: usize, photo: &[u32]| {
+            Error::unless_stopped(observe.borrow_mut()(TrainEvent::Tests(tested, all)))?;
+            tested += 1;
+            trainer.picture_like(view, photo)
+        };
+        self.evaluate(&mut camera, done, true, &mut |event| observe.borrow_mut()(event))
+    }
+
     /// The outputs. Test views are evaluated once the trainer's memory is free again, unless their poses are to be found.
     fn finish(&mut self, trainer: Trainer, observe: &mut dyn FnMut(TrainEvent) -> ControlFlow<()>) -> Result<()> {
         let Run { context, request, frame, views, .. } = self.run;
@@ -311,26 +328,30 @@ impl<'a> TrainingLoop<'a> {
         let bytes = crate::files::io::ply::write::gaussians(&in_world);
         replace_file(&request.folder.join(MODEL), |file| file.write_all(&bytes))?;
         if !refined.is_empty() {
-            let (text, notes) = transforms::write_photos(&refined.iter().collect::<Vec<_>>(), None);
-            for note in &notes {
-                let _ = observe(TrainEvent::Note(note));
+            for note in outputs::write_refined(&request.folder, &refined, &request.split.train.points)? {
+                let _ = observe(TrainEvent::Note(&note));
             }
-            replace_file(&request.folder.join(REFINED), |file| file.write_all(text.as_bytes()))?;
         }
         let _ = observe(TrainEvent::Trained(&in_world));
         drop((bytes, in_world));
-        let complete = done == request.config.iterations;
+        let mut complete = done == request.config.iterations;
         if complete && !self.tests.is_empty() {
             self.record.evaluations.retain(|evaluation| evaluation.iteration < done);
-            if let Some(mut trainer) = trainer {
-                self.evaluate(&mut |view, photo| trainer.picture_like(view, photo), done, true, observe)?;
-            } else {
-                let [width, height] = largest(views);
-                let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
-                let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
-                let background = request.config.test_background();
-                let mut camera = |view: usize, _: &[u32]| Ok(renderer.picture(&views[view], background)?.pixels);
-                self.evaluate(&mut camera, done, true, observe)?;
+            let evaluated = match trainer {
+                Some(trainer) => self.evaluate_corrected(trainer, done, observe),
+                None => {
+                    let [width, height] = largest(views);
+                    let wanted = Wanted { antialiased: request.config.antialiased, ..Wanted::default() };
+                    let mut renderer = Renderer::new(context, &trained, Size { width, height }, wanted)?;
+                    let background = request.config.test_background();
+                    let mut camera = |view: usize, _: &[u32]| Ok(renderer.picture(&views[view], background)?.pixels);
+                    self.evaluate(&mut camera, done, true, observe)
+                }
+            };
+            match evaluated {
+                // The checkpoint is there: a run that is resumed evaluates the test views anew.
+                Err(Error::Interrupted) => complete = false,
+                evaluated => evaluated?,
             }
         }
         self.record.status = if complete { Status::Complete } else { Status::Interrupted };

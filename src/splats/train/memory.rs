@@ -34,6 +34,7 @@ pub fn footprint(context: &Context, config: &TrainConfig, sizes: &Sizes, views: 
         ("first", planes),
         ("second", planes),
         ("statistics", statistics(config)),
+        ("forces", forces(config)),
         ("population", 4),
         ("views", (size_of::<View>() * views) as u64),
         ("control", 4),
@@ -55,6 +56,11 @@ pub fn footprint(context: &Context, config: &TrainConfig, sizes: &Sizes, views: 
 /// Bytes of the statistics that adaptive density control decides by.
 pub(super) fn statistics(config: &TrainConfig) -> u64 {
     if config.strategy == Strategy::Adc { 8 * u64::from(config.max_splats) } else { 0 }
+}
+
+/// Bytes of what turning each Gaussian about the camera and moving it change in the loss, where poses are corrected.
+pub(super) fn forces(config: &TrainConfig) -> u64 {
+    if config.refine_poses { 4 * poses::LEARNT as u64 * u64::from(config.max_splats) } else { 0 }
 }
 
 /// What a run needs of its pictures.

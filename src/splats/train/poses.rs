@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::update::{FORCES, Update, forces};
 use crate::Result;
 use crate::engine::vulkan::shaders::glsl::splats::pose as glsl;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
@@ -11,10 +10,11 @@ use crate::splats::render::frame::View;
 use crate::splats::render::rasterizer::{Model, Sizes};
 
 /// Numbers of a correction.
-const LEARNT: usize = glsl::LEARNT as usize;
-const _: () = assert!(LEARNT == FORCES, "a number that is learnt for each sum");
+pub(super) const LEARNT: usize = glsl::LEARNT as usize;
 /// Adam's rate at the start and at the end of a run, in radians and extents of the cameras.
-const RATES: [f64; 2] = [1e-3, 1e-5];
+const RATES: [f64; 2] = [1e-3, 1e-4];
+/// In the search for the pose of a photo that nobody trains on: nothing but it changes, so that it comes to rest.
+const SEARCH_RATES: [f64; 2] = [1e-3, 1e-5];
 
 crate::gpu_struct! {
     /// The correction of a view's pose, and what its step needs.
@@ -91,15 +91,19 @@ pub struct Poses {
 /// Buffers by name and bytes.
 pub fn buffers(sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
     vec![
-        ("forces", forces(sizes)),
         ("given", (size_of::<View>() * views) as u64),
         ("poses", (size_of::<PoseState>() * views) as u64),
         ("pose_sums", 4 * (LEARNT as u64) * u64::from(groups(sizes))),
     ]
 }
 
+/// What falls geometrically from one rate to the other.
+fn between([first, last]: [f64; 2], progress: f64) -> f32 {
+    (first * (last / first).powf(progress)) as f32
+}
+
 fn groups(sizes: &Sizes) -> u32 {
-    sizes.gaussians.div_ceil(glsl::SUMMED)
+    sizes.gaussians.div_ceil(glsl::PER_GROUP)
 }
 
 impl Poses {
@@ -131,23 +135,28 @@ impl Poses {
 
     /// Adam's rate after a share of a run.
     pub fn rate(progress: f64) -> f32 {
-        (RATES[0] * (RATES[1] / RATES[0]).powf(progress)) as f32
+        between(RATES, progress)
     }
 
-    /// Records the step of a view's correction after [`Update::record`] in an iteration, and the views as they are then.
+    /// Adam's rate after a share of a search for one pose.
+    pub fn search_rate(progress: f64) -> f32 {
+        between(SEARCH_RATES, progress)
+    }
+
+    /// Records the step of a view's correction, at a rate, after [`super::update::Update::record`] in an iteration, and the views as they are
+    /// then.
     pub fn record_step<'a>(
         &'a self,
         commands: &mut Recorder,
-        update: &'a Update,
         model: &'a Model,
-        [views, control]: [&'a Buffer; 2],
+        [views, control, forces]: [&'a Buffer; 3],
         (view, rate): (u32, f32),
     ) {
         let population = &model.population;
         commands
-            .stage(&self.sum, PoseSumStage { population, forces: &update.forces, pose_sums: &self.sums })
+            .stage(&self.sum, PoseSumStage { population, forces, pose_sums: &self.sums })
             .push(&PoseSumPush { stride: model.stride })
-            .linear(model.stride.div_ceil(glsl::SUMMED));
+            .linear(model.stride.div_ceil(glsl::PER_GROUP));
         commands
             .stage(&self.update, PoseUpdateStage { population, control, pose_sums: &self.sums, poses: &self.states })
             .push(&PosePush { view, photos: self.photos, rate })

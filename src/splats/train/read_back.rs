@@ -75,8 +75,8 @@ impl Trainer {
         self.rasterizer.picture.download(size.pixels() as usize)
     }
 
-    /// The same of a photo that nobody trains on, in 8 bits as [`crate::splats::data::pictures`] has it: where poses are learnt, from where the
-    /// model looks most like it.
+    /// The same of the view of a photo that nobody trains on, in 8 bits as [`crate::splats::data::pictures`] has it: where poses are corrected,
+    /// so is that of this view, for its picture alone.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory.
@@ -85,7 +85,9 @@ impl Trainer {
         let Some(tests) = &self.test_poses else { return self.picture(view) };
         let parts =
             Parts { model: &self.model, rasterizer: &mut self.rasterizer, loss: &self.loss, moments: &self.moments };
-        let found = tests.find(parts, self.views[view], photo, push)?;
+        let mut pace = self.pace.clone();
+        let found = tests.find(parts, self.views[view], photo, push, &mut pace)?;
+        self.pace = pace;
         self.rasterizer.render(&self.model, found, size, PassPush { view: 0, ..push })?;
         self.rasterizer.picture.download(size.pixels() as usize)
     }

@@ -6,7 +6,8 @@ use super::exposure::{self, ExposureState, Exposures};
 use super::loss::{Ledger, Loss, Record, mailbox};
 use super::poses::{self, Poses};
 use super::update::{Learnt, Moments, Update, UpdatePush};
-use crate::engine::vulkan::{Buffer, Context, Recorder};
+use crate::engine::vulkan::pace::{Pace, in_parts};
+use crate::engine::vulkan::{Buffer, Context};
 use crate::splats::config::TrainConfig;
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::PassPush;
@@ -14,9 +15,8 @@ use crate::splats::render::rasterizer::{Model, Rasterizer, Size, Sizes};
 use crate::splats::render::wanted::Wanted;
 use crate::{Error, Result};
 
-/// Steps that a pose takes, and how many of them are submitted at once.
+/// Steps that a pose takes.
 const STEPS: u32 = 100;
-const AT_ONCE: u32 = 10;
 
 /// Pipelines and buffers.
 pub(super) struct TestPoses {
@@ -55,7 +55,7 @@ impl TestPoses {
         let exposures = config.exposure.then(|| Exposures::new(context, sizes, 1, 0, STEPS));
         Ok(Self {
             context: context.clone(),
-            update: Update::new(context, sizes, wanted, false, Learnt::Pose)?,
+            update: Update::new(context, wanted, false, Learnt::Pose)?,
             poses: Poses::new(context, sizes, &[View::default()], 0)?,
             exposures: exposures.transpose()?,
             view: Buffer::from_slice(context, "test view", &[View::default()])?,
@@ -63,15 +63,15 @@ impl TestPoses {
         })
     }
 
-    /// The view from which the model looks most like a photo, beginning at the one that is given; the photo in 8 bits as
+    /// The view after [`STEPS`] steps from the one that is given toward where the model looks like a photo, which is in 8 bits as
     /// [`crate::splats::data::pictures`] has it. `push` has degree and background.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory.
-    pub fn find(&self, parts: Parts, given: View, photo: &[u32], push: PassPush) -> Result<&Buffer> {
+    pub fn find(&self, parts: Parts, given: View, photo: &[u32], push: PassPush, pace: &mut Pace) -> Result<&Buffer> {
         let Parts { model, rasterizer, loss, moments } = parts;
         loss.photo.upload(photo)?;
-        while !self.attempt(Parts { model, rasterizer, loss, moments }, given, push)? {
+        while !self.attempt(Parts { model, rasterizer, loss, moments }, given, push, pace)? {
             let needed = self.ledger.mailbox.peek(mailbox::NEEDED).unwrap_or(0);
             rasterizer.ensure_capacity(needed)?;
         }
@@ -79,7 +79,7 @@ impl TestPoses {
     }
 
     /// One run of [`TestPoses::find`]; whether there was capacity for the instances.
-    fn attempt(&self, parts: Parts, given: View, push: PassPush) -> Result<bool> {
+    fn attempt(&self, parts: Parts, given: View, push: PassPush, pace: &mut Pace) -> Result<bool> {
         let Parts { model, rasterizer, loss, moments } = parts;
         let size = Size { width: given.width, height: given.height };
         self.view.upload(&[given])?;
@@ -89,38 +89,34 @@ impl TestPoses {
         }
         self.ledger.mailbox.write(&[0u32; 4])?;
         self.ledger.control.upload(&[0u32])?;
-        for first in (0..STEPS).step_by(AT_ONCE as usize) {
-            let mut commands = Recorder::new(&self.context)?;
-            for iteration in first..first + AT_ONCE {
+        // Once there is no capacity, or a loss is no number, further steps change nothing.
+        in_parts(&self.context, pace, [STEPS, 1], |commands, steps| {
+            for iteration in steps {
                 let push = PassPush { view: 0, iteration, capacity: rasterizer.sizes().capacity, ..push };
-                let instances = rasterizer.forward(&mut commands, model, &self.view, size, &push)?;
+                let instances = rasterizer.forward(commands, model, &self.view, size, &push)?;
                 if let Some(exposures) = &self.exposures {
-                    exposures.record_apply(&mut commands, [&self.view, &rasterizer.picture], size, &push);
+                    exposures.record_apply(commands, [&self.view, &rasterizer.picture], size, &push);
                 }
                 let pictures = [&self.view, &rasterizer.picture, &rasterizer.counts, &model.population];
-                loss.record(&mut commands, pictures, &self.ledger, size, &push);
+                loss.record(commands, pictures, &self.ledger, size, &push);
                 if let Some(exposures) = &self.exposures {
                     let buffers = [&self.view, &rasterizer.picture, &loss.by_pixel, &self.ledger.control];
-                    exposures.record_step(&mut commands, buffers, size, &push);
+                    exposures.record_step(commands, buffers, size, &push);
                 }
-                rasterizer.backward(&mut commands, &self.view, instances, &loss.by_pixel, &push);
+                rasterizer.backward(commands, &self.view, instances, &loss.by_pixel, &push);
                 let step = UpdatePush { stride: push.stride, degree: push.degree, ..UpdatePush::default() };
-                let buffers = [&self.view, &self.ledger.control];
-                self.update.record(&mut commands, buffers, rasterizer, model, moments, &step);
-                let rate = Poses::rate(f64::from(iteration) / f64::from(STEPS));
-                self.poses.record_step(&mut commands, &self.update, model, buffers, (0, rate));
+                let control = &self.ledger.control;
+                self.update.record(commands, [&self.view, control], rasterizer, model, moments, &step);
+                let rate = Poses::search_rate(f64::from(iteration) / f64::from(STEPS));
+                self.poses.record_step(commands, model, [&self.view, control, &moments.forces], (0, rate));
             }
-            commands.submit_and_wait()?;
-            drop(commands);
-            let [needed, broken] =
-                [mailbox::NEEDED, mailbox::BROKEN].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
-            if broken != 0 {
-                return Err(Error::request("a test photo's loss is no number; the photo may be damaged"));
-            }
-            if needed != 0 {
-                return Ok(false);
-            }
+            Ok(())
+        })?;
+        let [needed, broken] =
+            [mailbox::NEEDED, mailbox::BROKEN].map(|word| self.ledger.mailbox.peek(word).unwrap_or(0));
+        if broken != 0 {
+            return Err(Error::request("a test photo's loss is no number; the photo may be damaged"));
         }
-        Ok(true)
+        Ok(needed == 0)
     }
 }

@@ -62,7 +62,7 @@ pub struct Trainer {
     /// Where they are learnt.
     pub(super) exposures: Option<Exposures>,
     update: Update,
-    /// Where they are learnt, and of test views.
+    /// Corrections of poses, where there are any, and the search for those of test views.
     pub(super) poses: Option<Poses>,
     pub(super) test_poses: Option<TestPoses>,
     density: Density,
@@ -70,7 +70,7 @@ pub struct Trainer {
     pub(super) done: u32,
     gpu_ms: f64,
     // Of iterations.
-    pace: Pace,
+    pub(super) pace: Pace,
 }
 
 impl Trainer {
@@ -96,7 +96,8 @@ impl Trainer {
         let model = Model::new(context, config.max_splats, config.degree)?;
         model.parameters.upload(&layout::to_planes(start, config.degree, model.stride as usize))?;
         model.population.upload(&[population])?;
-        let moments = Moments::new(context, model.parameters.size(), memory::statistics(&config))?;
+        let (statistics, forces) = (memory::statistics(&config), memory::forces(&config));
+        let moments = Moments::new(context, model.parameters.size(), statistics, forces)?;
         let ledger = Ledger::new(context, config.iterations)?;
         let mut commands = Recorder::new(context)?;
         commands.fill(&moments.first, 0);
@@ -124,7 +125,7 @@ impl Trainer {
             rasterizer: Rasterizer::new(context, sizes, wanted)?,
             loss: Loss::new(context, &sizes, wanted.divided(context)?)?,
             exposures,
-            update: Update::new(context, &sizes, wanted, config.strategy == Strategy::Adc, learnt)?,
+            update: Update::new(context, wanted, config.strategy == Strategy::Adc, learnt)?,
             poses: poses.transpose()?,
             test_poses: test_poses.transpose()?,
             density: match config.strategy {
@@ -364,7 +365,7 @@ impl Trainer {
         self.update.record(commands, [view_buffer, &ledger.control], rasterizer, model, &self.moments, &step);
         if let Some(poses) = &self.poses {
             let rate = Poses::rate(f64::from(iteration) / f64::from(self.config.iterations));
-            poses.record_step(commands, &self.update, model, [view_buffer, &ledger.control], (view, rate));
+            poses.record_step(commands, model, [view_buffer, &ledger.control, &self.moments.forces], (view, rate));
         }
         if self.schedule.refines_after(iteration) {
             self.record_refinement(commands, iteration)?;

@@ -8,7 +8,7 @@ use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::splats::config::{HARMONICS_EVERY, Schedule, Strategy, TrainConfig};
 use crate::splats::render::frame::View;
 use crate::splats::render::layout::{PassPush, Projected};
-use crate::splats::render::rasterizer::{Model, Rasterizer, Sizes};
+use crate::splats::render::rasterizer::{Model, Rasterizer};
 use crate::splats::render::wanted::Wanted;
 
 crate::gpu_struct! {
@@ -107,7 +107,7 @@ crate::stage!(
     } with [View, Projected]
 );
 
-/// Adam's memory and what densification is decided by.
+/// Adam's memory, and what densification is decided by and poses are corrected by.
 pub struct Moments {
     /// Running means of gradients, in planes as the parameters are.
     pub first: Buffer,
@@ -115,17 +115,23 @@ pub struct Moments {
     pub second: Buffer,
     /// Sum of lengths of gradients by the mean and number of views, two floats a Gaussian, where they are requested.
     pub statistics: Buffer,
+    /// What turning each Gaussian about the camera and moving it change in the loss, in planes, where poses are learnt.
+    pub forces: Buffer,
 }
 
 impl Moments {
-    /// With `bytes` for the planes and `statistics` for these; they hold anything.
+    /// With `bytes` for the planes, `statistics` and `forces` for these; they hold anything.
     ///
     /// # Errors
     /// Where the device has too little memory.
-    pub fn new(context: &Arc<Context>, bytes: u64, statistics: u64) -> Result<Self> {
-        let plane = |name| Buffer::device(context, name, bytes);
-        let statistics = Buffer::device(context, "statistics", statistics)?;
-        Ok(Self { first: plane("first")?, second: plane("second")?, statistics })
+    pub fn new(context: &Arc<Context>, bytes: u64, statistics: u64, forces: u64) -> Result<Self> {
+        let buffer = |name, bytes| Buffer::device(context, name, bytes);
+        Ok(Self {
+            first: buffer("first", bytes)?,
+            second: buffer("second", bytes)?,
+            statistics: buffer("statistics", statistics)?,
+            forces: buffer("forces", forces)?,
+        })
     }
 }
 
@@ -138,14 +144,6 @@ pub struct Trained<'a> {
     pub moments: &'a Moments,
     /// Not zero once the run is halted.
     pub control: &'a Buffer,
-}
-
-/// Numbers of [`Update::forces`] of a Gaussian.
-pub(super) const FORCES: usize = 6;
-
-/// Bytes of [`Update::forces`].
-pub(super) fn forces(sizes: &Sizes) -> u64 {
-    4 * FORCES as u64 * u64::from(sizes.gaussians)
 }
 
 /// What an iteration learns beside the Gaussians' parameters, or in their place.
@@ -162,27 +160,18 @@ pub enum Learnt {
 /// The stage.
 pub struct Update {
     pipeline: Pipeline,
-    /// What turning each Gaussian about the camera and moving it change in the loss, in planes, where a pose is learnt.
-    pub forces: Buffer,
 }
 
 impl Update {
     /// Compiles it, with or without statistics, for sums of instances or those of the fast way.
     ///
     /// # Errors
-    /// Where the device has too little memory, or fails.
-    pub fn new(
-        context: &Arc<Context>,
-        sizes: &Sizes,
-        wanted: Wanted,
-        statistics: bool,
-        learnt: Learnt,
-    ) -> Result<Self> {
+    /// Where the device fails.
+    pub fn new(context: &Arc<Context>, wanted: Wanted, statistics: bool, learnt: Learnt) -> Result<Self> {
         let (poses, frozen) = (learnt != Learnt::Gaussians, learnt == Learnt::Pose);
         let constants =
             UpdateConstants { antialiased: wanted.antialiased, statistics, summed: wanted.fast, poses, frozen };
-        let forces = Buffer::device(context, "forces", if poses { forces(sizes) } else { 0 })?;
-        Ok(Self { pipeline: Pipeline::new::<SplatUpdateStage>(context, &constants)?, forces })
+        Ok(Self { pipeline: Pipeline::new::<SplatUpdateStage>(context, &constants)? })
     }
 
     /// Records it after the backward pass.
@@ -209,7 +198,7 @@ impl Update {
                     first: &moments.first,
                     second: &moments.second,
                     statistics: &moments.statistics,
-                    forces: &self.forces,
+                    forces: &moments.forces,
                 },
             )
             .push(push)

@@ -19,7 +19,6 @@ use camsplat::splats::render::wanted::Wanted;
 use camsplat::splats::run::record::TrainRecord;
 use camsplat::splats::run::request::{Run, TrainRequest};
 use camsplat::splats::train::poses::{PoseState, Poses};
-use camsplat::splats::train::update::{Learnt, Update};
 use camsplat::splats::twin;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -64,9 +63,7 @@ fn stepped(
     halted: bool,
 ) -> Result<()> {
     let count = forces.len() as u32 / 6;
-    let sizes = Sizes { gaussians: count, capacity: 1, pixels: 1, tiles: 1 };
-    let update = Update::new(context, &sizes, Wanted { gradients: true, ..Wanted::default() }, false, Learnt::Pose)?;
-    update.forces.upload(forces)?;
+    let forces = Buffer::from_slice(context, "forces", forces)?;
     let model = Model {
         parameters: Buffer::device(context, "parameters", 4)?,
         // The last Gaussian's place is free.
@@ -76,7 +73,7 @@ fn stepped(
     };
     let control = Buffer::from_slice(context, "control", &[u32::from(halted)])?;
     let mut commands = Recorder::new(context)?;
-    poses.record_step(&mut commands, &update, &model, [views, &control], (1, 1e-2));
+    poses.record_step(&mut commands, &model, [views, &control, &forces], (1, 1e-2));
     commands.submit_and_wait().map(drop)
 }
 
@@ -122,9 +119,12 @@ fn steps_and_views_agree_with_the_twin() -> Result<()> {
         assert!(known.position.iter().zip(found.position).all(|(a, b)| (a - b).abs() < 1e-6));
         assert_eq!((known.focal, known.width), (found.focal, found.width));
     }
-    // A run that is halted changes nothing.
+    // Neither a run that is halted changes anything, nor a gradient that is no number.
     stepped(&context, &poses, &forces, &views, true)?;
+    let broken: Vec<f32> = forces.iter().enumerate().map(|(i, v)| if i == 2500 { f32::NAN } else { *v }).collect();
+    stepped(&context, &poses, &broken, &views, false)?;
     assert_eq!(poses.states()?, after);
+    assert_eq!(views.download::<View>(3)?, found);
     silent(&context);
     Ok(())
 }
@@ -182,7 +182,13 @@ fn poses_are_corrected() {
     let (without, with) = (trained(folder.path(), false), trained(folder.path(), true));
     let psnr = |record: &TrainRecord| record.evaluations.last().unwrap().quality.psnr;
     println!("{:.2} dB, {:.2} dB without", psnr(&with), psnr(&without));
-    let refined = io::read_cameras(&folder.path().join("out/transforms.json")).unwrap();
+    let file = folder.path().join("out/refined/transforms.json");
+    let refined = io::read_cameras(&file).unwrap();
+    // As a capture for other trainers: with its photos and points.
+    let whole = io::photos::ReadOptions { outside_paths: true, ..io::photos::ReadOptions::default() };
+    let capture = io::photos::read(&file, &whole).unwrap();
+    assert_eq!(capture.photos.iter().filter(|photo| photo.image.is_some()).count(), 12);
+    assert_eq!(capture.points.positions.len(), 80);
     assert!(psnr(&with) > psnr(&without) + 3.0, "{} and {} dB", psnr(&with), psnr(&without));
     assert!(without.poses.is_empty() && with.poses.len() == 12 && refined.len() == 12);
     let (mut before, mut after) = (0.0, 0.0);

@@ -153,6 +153,7 @@ pub fn pass(
         first: Buffer::from_slice(context, "first", &zeros)?,
         second: Buffer::from_slice(context, "second", &zeros)?,
         statistics: Buffer::device(context, "statistics", 16)?,
+        forces: Buffer::device(context, "forces", 24 * u64::from(stride))?,
     };
     let ledger = Ledger {
         control: Buffer::from_slice(context, "control", &[0u32])?,
@@ -163,7 +164,7 @@ pub fn pass(
     let rasterizer = Rasterizer::new(context, sizes, wanted)?;
     let loss = Loss::new(context, &sizes, wanted.divided(context)?)?;
     loss.photo.upload(photo)?;
-    let update = Update::new(context, &sizes, wanted, false, Learnt::GaussiansAndPose)?;
+    let update = Update::new(context, wanted, false, Learnt::GaussiansAndPose)?;
     let push = PassPush { stride, view: 0, degree: gaussians.degree, capacity, background, iteration: 0 };
     // Rates of zero leave the parameters; Adam's first mean is then a tenth of the gradient.
     let step = UpdatePush { stride, degree: gaussians.degree, ..UpdatePush::default() };
@@ -187,7 +188,7 @@ pub fn pass(
         record: records[0],
         by_pixel: loss.by_pixel.download(pixels)?,
         gradients: moments.first.download::<f32>(planes.len())?.into_iter().map(|m| 10.0 * m).collect(),
-        forces: update.forces.download(6 * stride as usize)?,
+        forces: moments.forces.download(6 * stride as usize)?,
         instances: rasterizer.counts.download::<u32>(1)?[0],
     })
 }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-pub use self::write::{write, write_photos};
+pub use self::write::{write, write_photos, write_photos_at};
 use super::checks;
 use super::left_out::LeftOut;
 use super::matrix::{self, Axes};

@@ -12,8 +12,8 @@ use crate::scene::lens::Distortion;
 /// The entries of a frame or of the file.
 type Entries = BTreeMap<&'static str, Value>;
 
-/// A camera, its distortion and whether a mask is named.
-type View<'a> = (&'a Camera, Distortion, bool);
+/// A camera, its distortion, and the paths of its image and, where there is one, of its mask.
+type View<'a> = (&'a Camera, Distortion, String, Option<String>);
 
 /// The text of a transforms.json in nerfstudio's dialect, which instant-ngp reads as well: OpenGL camera-to-world
 /// matrices in the untouched world frame, `camera_model` OPENCV without distortion (some loaders refuse PINHOLE), and
@@ -21,7 +21,8 @@ type View<'a> = (&'a Camera, Distortion, bool);
 /// [`Camera::image_name`]. Intrinsics are at the top where all cameras share them, else in each frame.
 /// `ply_file_path` is the seed cloud, relative to the file, where there is one.
 pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
-    let views: Vec<View> = cameras.iter().map(|camera| (camera, Distortion::default(), false)).collect();
+    let views: Vec<View> =
+        cameras.iter().map(|camera| (camera, Distortion::default(), image_path(camera), None)).collect();
     text(&views, ply_file_path)
 }
 
@@ -29,15 +30,26 @@ pub fn write(cameras: &[Camera], ply_file_path: Option<&str>) -> String {
 /// mask, since nerfstudio refuses masks for some. The second value is for the notes: how many lenses the format cannot express, which are written
 /// as pinholes, and whether fisheyes and others are mixed.
 pub fn write_photos(photos: &[&Photo], ply_file_path: Option<&str>) -> (String, Vec<String>) {
-    let mut beyond = 0;
     let has_masks = photos.iter().any(|photo| photo.mask.is_some());
+    let mask = |photo: &Photo| has_masks.then(|| format!("masks/{}.png", photo.camera.image_name()));
+    write_photos_at(photos, ply_file_path, |photo| (image_path(&photo.camera), mask(photo)))
+}
+
+/// As [`write_photos()`], with the paths of each photo's image and mask as `paths` gives them.
+pub fn write_photos_at(
+    photos: &[&Photo],
+    ply_file_path: Option<&str>,
+    paths: impl Fn(&Photo) -> (String, Option<String>),
+) -> (String, Vec<String>) {
+    let mut beyond = 0;
     let views: Vec<View> = photos
         .iter()
         .map(|photo| {
             let fits = expressible(&photo.distortion);
             beyond += usize::from(!fits);
             let distortion = if fits { photo.distortion } else { Distortion::default() };
-            (&photo.camera, distortion, has_masks)
+            let (image, mask) = paths(photo);
+            (&photo.camera, distortion, image, mask)
         })
         .collect();
     let mut notes = Vec::new();
@@ -67,12 +79,16 @@ fn expressible(distortion: &Distortion) -> bool {
     bare && if *fisheye { *tangential == [0.0; 2] } else { radial[3] == 0.0 }
 }
 
+fn image_path(camera: &Camera) -> String {
+    format!("images/{}", camera.image_name())
+}
+
 fn text(views: &[View], ply_file_path: Option<&str>) -> String {
     let lens = |view: &View| (view.0.intrinsics, view.1);
     let shared = views.first().map(lens).filter(|first| views.iter().all(|view| lens(view) == *first));
     let frames: Vec<Entries> = views
         .iter()
-        .map(|(camera, distortion, has_mask)| {
+        .map(|(camera, distortion, image, mask)| {
             let axes = DMat3::from_quat(camera.pose.rotation);
             let p = camera.pose.position;
             let rows: Vec<[f64; 4]> = (0..3)
@@ -83,11 +99,10 @@ fn text(views: &[View], ply_file_path: Option<&str>) -> String {
                 Some(_) => Entries::new(),
                 None => lens_entries(&camera.intrinsics, distortion),
             };
-            let name = camera.image_name();
-            if *has_mask {
-                frame.insert("mask_path", json!(format!("masks/{name}.png")));
+            if let Some(mask) = mask {
+                frame.insert("mask_path", json!(mask));
             }
-            frame.insert("file_path", json!(format!("images/{name}")));
+            frame.insert("file_path", json!(image));
             frame.insert("transform_matrix", json!(rows));
             frame
         })
