@@ -170,7 +170,7 @@ def main():
                 record = json.load(open(f"{folder}/train.json"))
                 both.append(np.mean([view["quality"]["psnr"] for view in record["test_views"]]))
             extent = record["photos"]["extent"]
-            rows.append([both[0], fitted(camsplat, f"{out}/plain", head, tests, extent), both[1], off(f"{out}/photos", train, centre, away), off(f"{out}/refined", train, centre, away)])
+            rows.append([both[0], fitted(camsplat, f"{out}/plain", head, tests, extent), both[1], off(f"{out}/photos", train, centre, away), off(f"{out}/refined/refined", train, centre, away)])
         plain, fit, refined, before, after = np.array(rows).T
         gain = refined - fit
         print(f"| {degrees}° | {plain.mean():.2f} | {fit.mean():.2f} | {refined.mean():.2f} | {gain.mean():+.2f} ± {gain.std(ddof=1):.2f} | {before.mean():.3f}°, {after.mean():.3f}° |", flush=True)

@@ -11,10 +11,8 @@ use crate::splats::render::rasterizer::{Model, Sizes};
 
 /// Numbers of a correction.
 pub(super) const LEARNT: usize = glsl::LEARNT as usize;
-/// Adam's rate at the start and at the end of a run, in radians and extents of the cameras.
+/// Adam's rate at the start and at the end of a run or of a search for one pose, in radians and extents of the cameras.
 const RATES: [f64; 2] = [1e-3, 1e-4];
-/// In the search for the pose of a photo that nobody trains on: nothing but it changes, so that it comes to rest.
-const SEARCH_RATES: [f64; 2] = [1e-3, 1e-5];
 
 crate::gpu_struct! {
     /// The correction of a view's pose, and what its step needs.
@@ -97,11 +95,6 @@ pub fn buffers(sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// What falls geometrically from one rate to the other.
-fn between([first, last]: [f64; 2], progress: f64) -> f32 {
-    (first * (last / first).powf(progress)) as f32
-}
-
 fn groups(sizes: &Sizes) -> u32 {
     sizes.gaussians.div_ceil(glsl::PER_GROUP)
 }
@@ -135,12 +128,7 @@ impl Poses {
 
     /// Adam's rate after a share of a run.
     pub fn rate(progress: f64) -> f32 {
-        between(RATES, progress)
-    }
-
-    /// Adam's rate after a share of a search for one pose.
-    pub fn search_rate(progress: f64) -> f32 {
-        between(SEARCH_RATES, progress)
+        (RATES[0] * (RATES[1] / RATES[0]).powf(progress)) as f32
     }
 
     /// Records the step of a view's correction, at a rate, after [`super::update::Update::record`] in an iteration, and the views as they are

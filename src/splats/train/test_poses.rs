@@ -107,7 +107,7 @@ impl TestPoses {
                 let step = UpdatePush { stride: push.stride, degree: push.degree, ..UpdatePush::default() };
                 let control = &self.ledger.control;
                 self.update.record(commands, [&self.view, control], rasterizer, model, moments, &step);
-                let rate = Poses::search_rate(f64::from(iteration) / f64::from(STEPS));
+                let rate = Poses::rate(f64::from(iteration) / f64::from(STEPS));
                 self.poses.record_step(commands, model, [&self.view, control, &moments.forces], (0, rate));
             }
             Ok(())
