@@ -16,9 +16,6 @@ pub struct PoseCorrection {
 }
 
 impl PoseCorrection {
-    /// The correction that changes nothing.
-    pub const NONE: Self = Self { turn: DVec3::ZERO, shift: DVec3::ZERO };
-
     /// From numbers as the device keeps them: turn, then shift.
     pub fn from_device(value: &[f32; 6]) -> Self {
         let [a, b, c, x, y, z] = value.map(f64::from);
@@ -74,7 +71,7 @@ mod tests {
         let apart = rows(&known).iter().zip(rows(&found)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(apart < 1e-6, "{apart}");
         assert!(known.position.iter().zip(found.position).all(|(a, b)| (a - b).abs() < 1e-6));
-        let same = PoseCorrection::NONE.of(&pose);
+        let same = PoseCorrection { turn: DVec3::ZERO, shift: DVec3::ZERO }.of(&pose);
         assert!(same.position == pose.position && same.rotation.dot(pose.rotation) > 1.0 - 1e-12);
     }
 }
