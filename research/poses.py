@@ -92,11 +92,14 @@ def fitted(camsplat, out, head, tests, extent):
     """Mean PSNR of a model's pictures from where they look most like the test photos, which its run has written."""
     names = [os.path.splitext(os.path.basename(frame["file_path"]))[0] for frame in tests]
     photos = [picture(f"{out}/reference/{name}.png") for name in names]
+    # What a straightened photo does not show is black in both pictures that the run has written.
+    known = [((photo + picture(f"{out}/test/{name}.png")).max(2) > 0)[..., None] for photo, name in zip(photos, names)]
     changes, best = np.zeros((len(tests), 6)), np.full(len(tests), -np.inf)
     steps = [np.zeros(6)] + [sign * STEP * np.eye(6)[k] for k in range(6) for sign in (1, -1)]
     for _ in range(ROUNDS):
         shown = draw(camsplat, out, head, [[moved(frame, change + step, extent) for step in steps] for frame, change in zip(tests, changes)], photos[0].shape)
         for i, (photo, pictures) in enumerate(zip(photos, shown)):
+            pictures = [known[i] * one for one in pictures]
             best[i] = max(best[i], -10 * np.log10(np.mean((pictures[0] - photo) ** 2)))
             slopes = np.stack([(pictures[1 + 2 * k] - pictures[2 + 2 * k]).ravel() / (2 * STEP) for k in range(6)], 1)
             left = (photo - pictures[0]).ravel()
