@@ -140,14 +140,15 @@ fn every_option_of_train_is_accepted_and_counts() {
     let place = Place::new();
     capture::write(&place.path("capture"), 6, 32);
     capture::write(&place.path("more"), 2, 32);
-    let given = "--max-splats 100 --strategy adc --sh 1 --background random --antialiased --exposure --masks ignore --init-opacity 0.2 \
-                 --init-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
+    let given = "--max-splats 100 --strategy adc --sh 1 --background random --antialiased --exposure --refine-poses --masks ignore \
+                 --init-opacity 0.2 --init-scale 0.7 --shrink 2 --skip-missing --seed 3 --save-every 1 --evaluate-every 1 --profile \
                  --preset fast --trace t.json --device 0 --debug-sync --iterations 3 --format splat,glb --out o";
     let ran = place.done(&format!("train capture --test-every 3 {given}"));
     let record: serde_json::Value = serde_json::from_str(&place.read("o/train.json")).unwrap();
     let expected = serde_json::json!({
         "iterations": 3, "max_splats": 100, "strategy": "adc", "degree": 1, "background": "random",
-        "antialiased": true, "suppress_floaters": false, "exposure": true, "masks": "ignore", "fast": false, "seed": 3, "init_opacity": 0.2, "init_scale": 0.7,
+        "antialiased": true, "suppress_floaters": false, "exposure": true, "refine_poses": true, "masks": "ignore", "fast": false, "seed": 3,
+        "init_opacity": 0.2, "init_scale": 0.7,
     });
     assert_eq!(record["config"], expected);
     assert_eq!((&record["photos"]["largest"], &record["photos"]["test"]), (&serde_json::json!([16, 12]), &2.into()));
