@@ -38,6 +38,14 @@ def gains(i):
     return 2**stops * np.array([1 + tint, 1, 1 - tint])
 
 
+def drift(images):
+    """Gives the photos of a folder the drift, in the order of their names."""
+    for i, file in enumerate(sorted(os.listdir(images))):
+        picture = np.asarray(Image.open(f"{images}/{file}").convert("RGB"), float) / 255
+        shown = (255 * np.clip(gains(i) * picture**2.2, 0, 1) ** (1 / 2.2)).round()
+        Image.fromarray(shown.astype(np.uint8)).save(f"{images}/{file}")
+
+
 def walk(camsplat, name, out):
     """Photographs a walk; folders of its photos with and without drift."""
     folder = f"{out}/{name}"
@@ -50,10 +58,7 @@ def walk(camsplat, name, out):
         run(camsplat, "capture", f"{folder}/room.gltf", f"{folder}/{cameras}.json", "--out", f"{folder}/{cameras}", "--spp", 64, "--force")
     run("rm", "-rf", f"{folder}/drift")
     run("cp", "-r", f"{folder}/still", f"{folder}/drift")
-    for i, file in enumerate(sorted(os.listdir(f"{folder}/drift/images"))):
-        path = f"{folder}/drift/images/{file}"
-        picture = np.asarray(Image.open(path).convert("RGB"), float) / 255
-        Image.fromarray((255 * np.clip(gains(i) * picture**2.2, 0, 1) ** (1 / 2.2)).round().astype(np.uint8)).save(path)
+    drift(f"{folder}/drift/images")
     return folder
 
 

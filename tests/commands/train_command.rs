@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::support::command::{Place, ended};
+use crate::support::command::{Place, assert_refused, ended};
 use crate::support::splats::capture;
 use camsplat::files::io;
 use camsplat::splats::config::Background;
@@ -122,6 +122,24 @@ fn a_dry_run_announces_what_a_run_takes_and_writes_nothing() {
         assert!((told - announced).abs() < 0.01, "{options}: {announced} MiB, and then {told}");
         assert!((peak / announced - 1.0).abs() < 0.05, "{options}: {announced} MiB were announced and {peak} taken");
     }
+}
+
+/// If this failed, other trainers would not find the photos of corrected cameras, or training on these would remove them first.
+#[test]
+fn corrected_cameras_are_a_capture_that_is_not_replaced() {
+    let place = place();
+    let run = format!("--iterations 30 --test-every 4 {SMALL}");
+    let ran = place.done(&format!("train capture --out o --refine-poses {run}"));
+    assert!(ran.out.contains("poses    5 steps for each photo correct 0.1 degrees or so"), "{}", ran.out);
+    assert!(ran.out.contains("poses    turned by ") && ran.out.contains("o/refined/transforms.json"), "{}", ran.out);
+    let corrected = place.read("o/refined/transforms.json");
+    let again = format!("train o/refined --outside-paths --force {run}");
+    assert_refused(&place, &[(&format!("{again} --out o"), &["o/refined is in it and might be replaced"])]);
+    let test = "train capture --test o/refined --iterations 30 --out o --force";
+    assert_refused(&place, &[(test, &["o/refined is in it and might be replaced"])]);
+    assert_eq!(place.read("o/refined/transforms.json"), corrected);
+    let ran = place.done(&format!("{again} --out next"));
+    assert!(ran.out.contains("photos   4 to train on, 2 to test with"), "{}", ran.out);
 }
 
 /// If this failed, the driver would be asked for something that Vulkan does not allow: it works here and fails elsewhere.

@@ -41,8 +41,7 @@ pub struct RegionOptions {
     /// no floor
     #[arg(long, allow_hyphen_values = true, default_value = "auto", value_name = "HEIGHT", value_parser = parse_floor)]
     pub floor: FloorOption,
-    /// Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ
-    /// shows it, else +z]
+    /// Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ shows it, else +z]
     #[arg(long, allow_hyphen_values = true, value_parser = parse_up)]
     pub up: Option<DVec3>,
     /// Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's

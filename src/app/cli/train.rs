@@ -10,7 +10,7 @@ use clap::Args;
 use super::convert::size;
 use super::exif_exposure;
 use super::options::{DeviceOptions, ImageOptions, print_messages};
-use super::overwrite_guard::check_output_file;
+use super::overwrite_guard::{check_output_file, check_output_folder};
 use super::progress::{Progress, stop_on_interrupt};
 use super::session::{Ended, go_on};
 use crate::app::report::training::{self, Comparison, Model, Shown};
@@ -27,6 +27,7 @@ use crate::splats::run::evaluate::Pair;
 use crate::splats::run::outputs::{CHECKPOINT, MODEL, RECORD, REFINED, REPORT, model_in};
 use crate::splats::run::record::{Evaluation, PhotosRecord, Quality, Status, TrainRecord};
 use crate::splats::run::request::{Run, TrainEvent, TrainRequest};
+use crate::splats::train::poses::Poses;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat train`.
@@ -187,6 +188,13 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         return Ok(Ended::Done);
     }
     say!("photos   {photos} to train on, {tests} to test with");
+    if let (true, Some(steps)) = (arguments.refine_poses, all.checked_div(photos as u32)) {
+        let degrees = Poses::reach(steps).to_degrees();
+        say!(
+            "poses    {steps} steps for each photo correct {degrees:.1} degrees or so, and {:.1}% of the cameras' extent",
+            100.0 * degrees.to_radians()
+        );
+    }
     if let Some(note) = exposures {
         say!("note     {note}");
     }
@@ -290,6 +298,8 @@ fn check_out(arguments: &Arguments) -> Result<()> {
             "there is no checkpoint to resume from; train without --resume (with --force where the folder is not empty)",
         ));
     }
+    // What is read may be what an earlier run left: its corrected cameras.
+    check_output_folder(&arguments.out, [&arguments.capture].into_iter().chain(&arguments.test))?;
     check_folder(&arguments.out, arguments.force || arguments.resume)
 }
 

@@ -73,7 +73,7 @@ pub fn check(folder: &Path, capture: &Path, photos: &[&Photo], names: &[PathBuf]
     }
     let read = photos.iter().flat_map(|photo| [&photo.image, &photo.mask]).flatten();
     let read: HashSet<PathBuf> = read.filter_map(|path| real(path)).collect();
-    let own = [CHECKPOINT, MODEL, REFINED, RECORD, REPORT].map(|name| folder.join(name));
+    let own = [CHECKPOINT, MODEL, RECORD, REPORT].map(|name| folder.join(name));
     let pictures = PICTURES.iter().flat_map(|of| names.iter().map(move |name| folder.join(of).join(name)));
     match own.into_iter().chain(pictures).find(|path| real(path).is_some_and(|path| read.contains(&path))) {
         Some(path) => Err(Error::input(path, "this photo would be replaced; name another folder to write to")),
@@ -151,8 +151,10 @@ pub(crate) fn write_refined(folder: &Path, photos: &[Photo], points: &Points) ->
 }
 
 /// The path of a file as it is from a folder, with `/`; the whole path where they have nothing in common, and as it is where one is not there.
+/// A link keeps its own name.
 fn from_folder(folder: &Path, file: &Path) -> String {
-    let (Ok(folder), Ok(whole)) = (folder.canonicalize(), file.canonicalize()) else {
+    let whole = file.parent().and_then(|parent| Some(parent.canonicalize().ok()?.join(file.file_name()?)));
+    let (Ok(folder), Some(whole)) = (folder.canonicalize(), whole) else {
         return file.display().to_string();
     };
     let shared = folder.components().zip(whole.components()).take_while(|(a, b)| a == b).count();
@@ -194,8 +196,9 @@ mod tests {
         std::fs::write(place("capture/images/left/a b.jpg"), "").unwrap();
         let from = |file: &str| from_folder(&place("out/refined"), &place(file));
         assert_eq!(from("capture/images/left/a b.jpg"), "../../capture/images/left/a b.jpg");
-        assert_eq!(from("out/refined"), "");
-        assert!(from("gone.jpg").ends_with("gone.jpg"));
+        assert_eq!(from("out/refined/b.jpg"), "b.jpg");
+        let gone = place("gone/c.jpg");
+        assert_eq!(from("gone/c.jpg"), gone.display().to_string());
     }
 
     fn names(given: &[&str]) -> Vec<String> {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::engine::vulkan::shaders::glsl::splats::pose as glsl;
-use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
+use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder, footprint};
 use crate::splats::pose::PoseCorrection;
 use crate::splats::render::frame::View;
 use crate::splats::render::rasterizer::{Model, Sizes};
@@ -91,12 +91,8 @@ pub fn buffers(sizes: &Sizes, views: usize) -> Vec<(&'static str, u64)> {
     vec![
         ("given", (size_of::<View>() * views) as u64),
         ("poses", (size_of::<PoseState>() * views) as u64),
-        ("pose_sums", 4 * (LEARNT as u64) * u64::from(groups(sizes))),
+        ("pose_sums", 4 * LEARNT as u64 * u64::from(sizes.gaussians.div_ceil(glsl::PER_GROUP))),
     ]
-}
-
-fn groups(sizes: &Sizes) -> u32 {
-    sizes.gaussians.div_ceil(glsl::PER_GROUP)
 }
 
 impl Poses {
@@ -105,13 +101,14 @@ impl Poses {
     /// # Errors
     /// Where the device has too little memory, or fails.
     pub fn new(context: &Arc<Context>, sizes: &Sizes, views: &[View], photos: u32) -> Result<Self> {
+        let plan = buffers(sizes, views.len());
         Ok(Self {
             sum: Pipeline::new::<PoseSumStage>(context, &())?,
             update: Pipeline::new::<PoseUpdateStage>(context, &())?,
             apply: Pipeline::new::<PoseApplyStage>(context, &())?,
             given: Buffer::from_slice(context, "given", views)?,
             states: Buffer::from_slice(context, "poses", &vec![PoseState::default(); views.len()])?,
-            sums: Buffer::device(context, "pose_sums", 4 * LEARNT as u64 * u64::from(groups(sizes)))?,
+            sums: footprint::buffer(context, &plan, "pose_sums")?,
             views: views.len() as u32,
             photos,
         })
@@ -129,6 +126,11 @@ impl Poses {
     /// Adam's rate after a share of a run.
     pub fn rate(progress: f64) -> f32 {
         (RATES[0] * (RATES[1] / RATES[0]).powf(progress)) as f32
+    }
+
+    /// How far each number of a pose moves at most in so many steps spread over a run, or about so: the sum of their rates.
+    pub fn reach(steps: u32) -> f64 {
+        f64::from(steps) * (RATES[0] - RATES[1]) / (RATES[0] / RATES[1]).ln()
     }
 
     /// Records the step of a view's correction, at a rate, after [`super::update::Update::record`] in an iteration, and the views as they are

@@ -1,6 +1,5 @@
 //! Exposures of photos on the device, against the twin; and what they are learnt to be.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use crate::support::device::{context, silent};
@@ -9,14 +8,12 @@ use camsplat::Result;
 use camsplat::engine::vulkan::{Buffer, Recorder};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random::uniforms;
-use camsplat::splats::config::{Start, TrainConfig};
-use camsplat::splats::data::split::{Split, Test};
+use camsplat::splats::config::{Start, Strategy, TrainConfig};
 use camsplat::splats::exposure::Exposure;
 use camsplat::splats::render::frame::Frame;
 use camsplat::splats::render::layout::PassPush;
 use camsplat::splats::render::rasterizer::{Size, Sizes};
 use camsplat::splats::run::record::{PhotoExposure, TrainRecord};
-use camsplat::splats::run::request::{Run, TrainRequest};
 use camsplat::splats::train::exposure::{ExposureState, Exposures, PULL};
 use glam::DVec3;
 
@@ -106,21 +103,9 @@ fn trained(gain: f64, exposure: bool) -> TrainRecord {
         image.iter_mut().for_each(|v| *v = (f64::from(*v) * gain).round().min(255.0) as u8);
         image.save(&entry).unwrap();
     }
-    let options = camsplat::files::io::photos::ReadOptions::default();
-    let set = camsplat::files::io::photos::read(folder.path(), &options).unwrap();
-    let config = TrainConfig::new(600, 300).with_strategy(camsplat::splats::config::Strategy::Mcmc, Start::Points);
-    let request = TrainRequest {
-        capture: "capture".into(),
-        split: Split::new(set, &Test::Every(4), options).unwrap(),
-        shrink: 1,
-        folder: folder.path().join("out"),
-        save_every: 0,
-        evaluate_every: 0,
-        config: TrainConfig { degree: 0, exposure, ..config },
-    };
+    let config = TrainConfig::new(600, 300).with_strategy(Strategy::Mcmc, Start::Points);
     let context = context();
-    let run = Run::new(&context, request).unwrap();
-    let record = run.run(false, None, &mut |_| ControlFlow::Continue(())).unwrap();
+    let record = capture::trained(&context, folder.path(), TrainConfig { degree: 0, exposure, ..config });
     silent(&context);
     record
 }

@@ -1,6 +1,5 @@
 //! Corrections of poses on the device, against the twin; and what they are learnt to be.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use crate::support::device::{context, silent};
@@ -11,13 +10,11 @@ use camsplat::files::io;
 use camsplat::scene::camera::{Camera, Pose};
 use camsplat::scene::lens::{Distortion, Lens};
 use camsplat::splats::config::{Start, Strategy, TrainConfig};
-use camsplat::splats::data::split::{Split, Test};
 use camsplat::splats::pose::PoseCorrection;
 use camsplat::splats::render::frame::View;
 use camsplat::splats::render::rasterizer::{Model, Sizes};
 use camsplat::splats::render::wanted::Wanted;
 use camsplat::splats::run::record::TrainRecord;
-use camsplat::splats::run::request::{Run, TrainRequest};
 use camsplat::splats::train::poses::{PoseState, Poses};
 use camsplat::splats::twin;
 use glam::{DMat3, DQuat, DVec3};
@@ -154,22 +151,10 @@ fn apart(camera: &Camera, other: &Pose) -> f64 {
         / points.len() as f64
 }
 
-fn trained(capture: &Path, refine_poses: bool) -> TrainRecord {
-    let options = io::photos::ReadOptions::default();
-    let set = io::photos::read(capture, &options).unwrap();
+fn trained(folder: &Path, refine_poses: bool) -> TrainRecord {
     let config = TrainConfig::new(900, 300).with_strategy(Strategy::Mcmc, Start::Points);
-    let request = TrainRequest {
-        capture: "capture".into(),
-        split: Split::new(set, &Test::Every(4), options).unwrap(),
-        shrink: 1,
-        folder: capture.join("out"),
-        save_every: 0,
-        evaluate_every: 0,
-        config: TrainConfig { degree: 0, refine_poses, ..config },
-    };
     let context = context();
-    let run = Run::new(&context, request).unwrap();
-    let record = run.run(false, None, &mut |_| ControlFlow::Continue(())).unwrap();
+    let record = capture::trained(&context, folder, TrainConfig { degree: 0, refine_poses, ..config });
     silent(&context);
     record
 }

@@ -1,11 +1,18 @@
 //! A small capture of our own making: coloured Gaussians seen from all around, rendered by the twin.
 
+use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
+use camsplat::engine::vulkan::Context;
 use camsplat::files::io;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::gaussians::Gaussians;
+use camsplat::splats::config::TrainConfig;
+use camsplat::splats::data::split::{Split, Test};
 use camsplat::splats::render::frame::Frame;
+use camsplat::splats::run::record::TrainRecord;
+use camsplat::splats::run::request::{Run, TrainRequest};
 use camsplat::splats::twin;
 use glam::DVec3;
 
@@ -37,6 +44,23 @@ pub fn cameras(count: u32, size: u32) -> Vec<Camera> {
             Camera { name: format!("{i:03}.png"), pose, intrinsics }
         })
         .collect()
+}
+
+/// Trains on a capture with every fourth photo held out, into its folder `out`.
+pub fn trained(context: &Arc<Context>, capture: &Path, config: TrainConfig) -> TrainRecord {
+    let options = io::photos::ReadOptions::default();
+    let set = io::photos::read(capture, &options).unwrap();
+    let request = TrainRequest {
+        capture: "capture".into(),
+        split: Split::new(set, &Test::Every(4), options).unwrap(),
+        shrink: 1,
+        folder: capture.join("out"),
+        save_every: 0,
+        evaluate_every: 0,
+        config,
+    };
+    let run = Run::new(context, request).unwrap();
+    run.run(false, None, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
 /// Writes the capture: transforms.json, images, and points near the Gaussians' centres.
