@@ -444,7 +444,7 @@ fn summary(record: &TrainRecord) -> String {
             "What masks leave out",
             if config.masks == Masks::Ignore { "counts for nothing" } else { "is background" }.into(),
         ),
-        ("Exposures of photos", if config.exposure { "learnt" } else { "taken as they are" }.into()),
+        ("Exposures of photos", exposures(config).into()),
         ("Poses of photos", poses(record)),
         ("Suppression of floaters", if config.suppress_floaters { "on" } else { "off" }.into()),
         ("Seed", config.seed.to_string()),
@@ -453,6 +453,13 @@ fn summary(record: &TrainRecord) -> String {
     ];
     let row = |(term, text): &(&str, String)| format!("<div><dt>{term}</dt><dd>{}</dd></div>\n", escape(text));
     rows.iter().map(row).collect()
+}
+
+fn exposures(config: &TrainConfig) -> &'static str {
+    match config.exposure {
+        true => "learnt; each half of a test view is shown with the one that fits its other half",
+        false => "taken as they are",
+    }
 }
 
 fn poses(record: &TrainRecord) -> String {
