@@ -21,6 +21,7 @@ mod known_space;
 mod limits;
 mod metrics_command;
 mod missions;
+mod next;
 mod quality_fit;
 mod real_captures;
 mod render;

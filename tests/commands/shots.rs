@@ -1,6 +1,7 @@
 //! The shot list: how a person gets from a photo that exists to one that is planned, and what it should show.
 
 use std::fs;
+use std::path::Path;
 
 use crate::support::command::{Place, SHORT};
 use crate::support::gps::jpeg_at;
@@ -39,14 +40,8 @@ fn camera(name: &str, position: DVec3, toward: DVec3) -> Camera {
     Camera { name: name.into(), pose, intrinsics: Intrinsics::from_fov(320, 240, 1.0) }
 }
 
-/// A place with a capture of the wall: twelve photos in a row, with images unless `bare`, as a COLMAP model.
-fn captured(bare: bool) -> Place {
-    captured_as("png", bare)
-}
-
-/// The same with photos of this file format.
-fn captured_as(format: &str, bare: bool) -> Place {
-    let place = Place::new();
+/// Cameras of twelve photos in a row before the wall.
+pub fn row(format: &str) -> Vec<Camera> {
     let photo = |i: u32| {
         let x = 0.6 * f64::from(i) - 3.3;
         camera(
@@ -55,22 +50,37 @@ fn captured_as(format: &str, bare: bool) -> Place {
             DVec3::new(0.7 * x, 0.0, 1.4),
         )
     };
-    let cameras: Vec<Camera> = (0..12).map(photo).collect();
+    (0..12).map(photo).collect()
+}
+
+/// Writes a capture of the wall as a COLMAP model, with images unless `bare`.
+pub fn capture_wall(folder: &Path, cameras: &[Camera], bare: bool) {
     let point = |i: u32| {
         let [u, v, ..] = random::uniforms(4, 0, i);
         DVec3::new(14.0 * u - 7.0, 0.0, 10.0 * v - 3.5)
     };
     let points: Vec<DVec3> = (0..3000).map(point).collect();
-    let track = |p: &DVec3| (0..12).zip(&cameras).filter(|(_, camera)| camera.sees(*p)).map(|(i, _)| i).collect();
+    let track = |p: &DVec3| (0..).zip(cameras).filter(|(_, camera)| camera.sees(*p)).map(|(i, _)| i).collect();
     let tracks: Vec<Vec<u32>> = points.iter().map(track).collect();
-    let folder = OutputFolder::create(&place.path("wall"), false).unwrap();
+    let output = OutputFolder::create(folder, false).unwrap();
     let cloud = Points { positions: points, ..Points::default() };
-    camera_files::capture(&folder, &cameras, &cloud, &tracks).unwrap();
-    folder.commit().unwrap();
-    fs::create_dir_all(place.path("wall/images")).unwrap();
+    camera_files::capture(&output, cameras, &cloud, &tracks).unwrap();
+    output.commit().unwrap();
+    fs::create_dir_all(folder.join("images")).unwrap();
     for camera in cameras.iter().filter(|_| !bare) {
-        photographed(camera, [320, 240]).save(place.path(&format!("wall/images/{}", camera.name))).unwrap();
+        photographed(camera, [320, 240]).save(folder.join("images").join(&camera.name)).unwrap();
     }
+}
+
+/// A place with a capture of the wall: twelve photos in a row, with images unless `bare`.
+fn captured(bare: bool) -> Place {
+    captured_as("png", bare)
+}
+
+/// The same with photos of this file format.
+fn captured_as(format: &str, bare: bool) -> Place {
+    let place = Place::new();
+    capture_wall(&place.path("wall"), &row(format), bare);
     place
 }
 
@@ -79,7 +89,7 @@ fn captured_as(format: &str, bare: bool) -> Place {
 fn a_preview_shows_what_the_photo_will() {
     let place = captured(false);
     let set = io::photos::read(&place.path("wall"), &io::photos::ReadOptions::default()).unwrap();
-    let previews = Previews::new(&set, set.step());
+    let previews = Previews::new(&set);
     let aims = [
         camera("a", DVec3::new(0.2, -4.2, 1.9), DVec3::new(0.0, 0.0, 1.5)),
         camera("b", DVec3::new(-2.0, -3.4, 1.2), DVec3::new(-2.4, 0.0, 1.6)),

@@ -69,7 +69,7 @@ fn places_that_cannot_be_written() {
             ("--out full", &["full: ", "not empty", "--force"]),
             ("--out capture/points.ply", &["points.ply: ", "a file is already here", "name a folder"]),
             ("--out capture/points.ply/o", &["points.ply/o: ", "points.ply is no folder", "name another place"]),
-            ("--out ..", &["..: ", "name of its own"]),
+            ("--out ..", &["..: ", "capture is in it", "name another folder"]),
             ("--out o --trace capture/points.ply/t.json", &["t.json: ", "is no folder"]),
             ("--out o --trace full", &["full: ", "name a file"]),
         ],

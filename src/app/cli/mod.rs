@@ -24,10 +24,12 @@ mod frames;
 mod manual;
 mod metrics;
 mod missions;
+mod next;
 mod options;
 mod order;
 mod outcome;
 mod overwrite_guard;
+mod photographed;
 mod place;
 mod plan;
 mod progress;
@@ -75,6 +77,8 @@ enum Command {
     Plan(Box<plan::Arguments>),
     /// Score any camera set on a surface
     Score(Box<score::Arguments>),
+    /// Say which photos a capture needs next, and what they would gain
+    Next(Box<next::Arguments>),
     /// Score how much each part of a surface changes with the view, from photos
     Vds(vds::Arguments),
     /// Choose frames of a video for structure from motion: sharp, evenly spread, none twice
@@ -213,6 +217,7 @@ fn start(command: Command) -> Result<Ended> {
     match command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Score(arguments) => score::run(&arguments),
+        Command::Next(arguments) => next::run(&arguments),
         Command::Vds(arguments) => vds::run(&arguments),
         Command::Frames(arguments) => frames::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),

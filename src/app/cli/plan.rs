@@ -6,11 +6,11 @@ use std::sync::Arc;
 use clap::{ArgGroup, Args};
 
 use super::baselines::{self, BaselineOptions};
-use super::options::{CameraOptions, DeviceOptions, print_messages, read_surface};
+use super::options::{CameraOptions, DeviceOptions, print_messages};
 use super::order::Order;
 use super::outcome::print_plan;
 use super::overwrite_guard::{check_output_file, check_output_folder};
-use super::place;
+use super::photographed;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::region::RegionOptions;
 use super::session::{self, Ended, go_on};
@@ -334,25 +334,14 @@ fn captured(
             None => Ok(None),
         };
     }
-    let mut capture = io::photos::read(&arguments.scene, &io::photos::ReadOptions::default())?;
-    if arguments.keep.is_some() && capture.metre.is_none() {
-        capture.metre = place::metre(&capture)?;
-    }
-    for note in &capture.notes {
-        say!("{note}");
-    }
-    if let Some(file) = &arguments.surface {
-        let surface = read_surface(file)?;
+    let (surface, capture) =
+        photographed::read(&arguments.scene, arguments.surface.as_deref(), arguments.keep.is_some())?;
+    if arguments.surface.is_some() {
         if reads_photos {
             say!("vds      the photos are left unread (--surface); `camsplat vds --surface` scores it");
         }
         return Ok(Some((surface, capture)));
     }
-    if capture.points.positions.is_empty() {
-        let what = "the capture holds no points; make a surface from its photos with `camsplat proxy` and give it with --surface";
-        return Err(Error::input(&arguments.scene, what));
-    }
-    let surface = Surface::Points(capture.points.clone());
     let images = capture.photos.iter().filter(|photo| photo.image.is_some()).count();
     let method = arguments.baselines.method;
     let unread = match () {

@@ -14,15 +14,14 @@ use super::viewers::ViewerOptions;
 use crate::files::io;
 use crate::files::io::folder::{check_file, write_files};
 use crate::planner::metrics::Metrics;
-use crate::planner::plan::config::{Config, Preset};
-use crate::planner::plan::enough::{Enough, MORE};
+use crate::planner::plan::config::Config;
+use crate::planner::plan::enough::{Advice, Enough, MORE};
 use crate::planner::plan::gate::Gate;
 use crate::planner::plan::pipeline::{self};
 use crate::planner::plan::record::Expected;
 use crate::planner::plan::target::Target;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
-use crate::scene::region::Shape;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat score`.
@@ -103,20 +102,18 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
     let context = arguments.device.open()?;
     let viewers = arguments.viewers.viewers()?;
-    let preset = match target.region.shape {
-        Shape::Box { .. } => Preset::Room,
-        Shape::Shell { .. } => arguments.region.preset(),
-    };
     let config = Config {
         seed: arguments.seed,
         held_out: arguments.held_out,
         viewers,
         gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
-        ..Config::new(arguments.region.preset.unwrap_or(preset), cameras.len() as u32)
+        ..Config::new(arguments.region.preset.unwrap_or_else(|| target.preset()), cameras.len() as u32)
     };
     let (expected, metrics) = pipeline::score(&context, &target, &cameras, kept, &config)?;
-    let enough =
-        if of_capture { Some(Enough::new(&context, &target, &cameras, own.as_deref(), &config)?) } else { None };
+    let further = Config { views: MORE, ..config };
+    let advice =
+        if of_capture { Some(Advice::new(&context, &target, &cameras, own.as_deref(), &further)?) } else { None };
+    let enough = advice.map(|advice| advice.enough);
     print_messages(&context);
     if let Some(enough) = &enough {
         say!("enough   {}", enough.line());

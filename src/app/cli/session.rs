@@ -51,6 +51,8 @@ pub struct Session {
     options: Vec<(String, String)>,
     /// Whether something could not be printed though there is still a reader.
     unsaid: AtomicBool,
+    /// Whether standard output is for an answer that a program reads.
+    aside: AtomicBool,
     listener: Option<Arc<dyn Listener>>,
 }
 
@@ -66,7 +68,7 @@ pub fn current() -> Arc<Session> {
 impl Session {
     /// A session with the options of the command that the arguments name.
     pub fn new(listener: Option<Arc<dyn Listener>>, command: &clap::Command, matches: &clap::ArgMatches) -> Self {
-        Self { options: options_of(command, matches), unsaid: AtomicBool::new(false), listener }
+        Self { options: options_of(command, matches), listener, ..Self::default() }
     }
 
     /// Calls `work`, on any thread, in this session.
@@ -93,7 +95,23 @@ impl Session {
     /// Prints a line. Who reads it may be gone (`camsplat plan ... | head -1`); that is no reason to lose a plan, so what
     /// cannot be printed is not; for any other reason (a full disk) the exit code reports it, see [`Self::lost_lines`].
     pub fn say(&self, text: String) {
+        if self.aside.load(Ordering::Relaxed) {
+            return self.complain(text);
+        }
         let text = self.with_options(text);
+        match &self.listener {
+            Some(listener) => text.lines().for_each(|line| listener.line(line)),
+            None => self.printed(writeln!(std::io::stdout(), "{text}")),
+        }
+    }
+
+    /// Keeps standard output for [`Self::answer`]: lines go to standard error.
+    pub fn set_aside(&self) {
+        self.aside.store(true, Ordering::Relaxed);
+    }
+
+    /// Prints what a program reads, as it is.
+    pub fn answer(&self, text: &str) {
         match &self.listener {
             Some(listener) => text.lines().for_each(|line| listener.line(line)),
             None => self.printed(writeln!(std::io::stdout(), "{text}")),

@@ -30,6 +30,7 @@ mod text;
 pub mod training;
 #[cfg(feature = "cli")]
 pub(crate) mod view;
+pub mod way;
 
 use glam::DVec3;
 

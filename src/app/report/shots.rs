@@ -2,18 +2,17 @@
 
 use std::fmt::Write as _;
 
-use glam::DVec3;
 use serde::Serialize;
 
 use super::pictures::{MAX_BYTES, jpeg, jpeg_url};
 use super::shot_map;
 use super::text::escape;
+use super::way::{self, Way};
 use crate::files::io::picture::stem;
 use crate::files::photos::PhotoSet;
 use crate::files::photos::preview::{Previews, unseen};
 use crate::planner::plan::record::PlanRecord;
-use crate::scene::camera::{Camera, Pose};
-use crate::scene::directions::{RelativeMove, Unit};
+use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
 /// Part of a picture that is new from which on that is said: a shot that looks beside an object is for what lies behind it in other views.
@@ -28,29 +27,11 @@ pub struct Shot {
     pub name: String,
     /// File of what it should see, beside this list.
     pub picture: String,
-    /// The photo to start from.
-    pub from: String,
-    /// How to get from there to it, in words.
-    pub words: String,
-    /// Lengths of the way in units of the scene, to the right, ahead (level, as the photo looks) and up.
-    pub right: f64,
-    /// See `right`.
-    pub ahead: f64,
-    /// See `right`.
-    pub up: f64,
-    /// Turn to the right in degrees.
-    pub turn_right_deg: f64,
-    /// Tilt up in degrees.
-    pub tilt_up_deg: f64,
-    /// How far it looks above the horizon, in degrees.
-    pub pitch_deg: f64,
-    /// Height of the lens above the floor in units of the scene, where there is a floor.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub height: Option<f64>,
+    /// How to get there.
+    #[serde(flatten)]
+    pub way: Way,
     /// Share of it that no photo nearby shows.
     pub unseen: f64,
-    /// Where it is, camera axes X right, Y down, Z forward.
-    pub pose: Pose,
 }
 
 /// What `shots.json` holds.
@@ -93,36 +74,20 @@ impl Shots {
             return Ok(None);
         }
         let set = set.clone().filtered(|photo| number(&photo.camera.name).is_some());
-        let step = set.step();
-        let unit = set.metre.map_or(Unit::Step(step), Unit::Metre);
-        let said = match (unit, apart(&set, step, record.region.up)) {
-            (Unit::Step(_), Some([a, b])) => format!("{}, which is about as far as from {a} to {b}", unit.name()),
-            _ => unit.name().into(),
-        };
-        let previews = Previews::new(&set, step);
+        let (unit, said) = way::unit(&set, record.region.up);
+        let previews = Previews::new(&set);
         let (pictures, photos) = previews.pictures(planned)?;
-        let up = record.region.up;
         let (mut shots, mut from) = (Vec::new(), Vec::new());
         for (i, camera) in planned.iter().enumerate() {
             // There is one, since there are photos with an image.
             let Some(nearest) = previews.nearest(camera).first().copied() else { return Ok(None) };
             let photo = &set.photos[nearest].camera;
-            let way = RelativeMove::new(&photo.pose, &camera.pose, up);
             from.push(planned.len() + number(&photo.name).unwrap_or_default());
             shots.push(Shot {
                 name: camera.name.clone(),
                 picture: format!("shots/{:03}.jpg", i + 1),
-                from: photo.name.clone(),
-                words: way.words(&unit),
-                right: way.right,
-                ahead: way.ahead,
-                up: way.up,
-                turn_right_deg: way.turn.to_degrees(),
-                tilt_up_deg: way.tilt.to_degrees(),
-                pitch_deg: way.pitch.to_degrees(),
-                height: record.region.floor.map(|floor| camera.pose.position.dot(up) - floor),
+                way: Way::new(photo, camera, &record.region, &unit),
                 unseen: unseen(&pictures[i]),
-                pose: camera.pose,
             });
         }
         let index = |photo: usize| planned.len() + number(&set.photos[photo].camera.name).unwrap_or_default();
@@ -170,7 +135,7 @@ impl Shots {
         for ((i, shot), (picture, from)) in self.list.shots.iter().enumerate().zip(self.pictures.iter().zip(&self.from))
         {
             let photo = self.shown.iter().find(|(photo, _)| photo == from).map(|(_, file)| jpeg_url(file));
-            let height = shot.height.map(|height| {
+            let height = shot.way.height.map(|height| {
                 let (length, unit) = (height / self.list.unit_length, if metric { "m" } else { "steps" });
                 format!(" The lens is {length:.1} {unit} above the floor.")
             });
@@ -182,10 +147,10 @@ impl Shots {
                 jpeg_url(picture),
                 i + 1,
                 photo.unwrap_or_default(),
-                escape(&shot.from),
+                escape(&shot.way.from),
                 i + 1,
-                escape(&shot.from),
-                escape(&shot.words),
+                escape(&shot.way.from),
+                escape(&shot.way.words),
                 height.unwrap_or_default()
             );
         }
@@ -200,17 +165,6 @@ impl Shots {
         }
         html + "</div>\n</section>\n"
     }
-}
-
-/// The photos that are most nearly a step apart on the level, as a map shows it.
-fn apart(set: &PhotoSet, step: f64, up: DVec3) -> Option<[&str; 2]> {
-    let photos: Vec<&Camera> = set.photos.iter().map(|photo| &photo.camera).collect();
-    let pairs = photos.iter().enumerate().flat_map(|(i, a)| photos[..i].iter().map(move |b| (*b, *a)));
-    let off = |(a, b): &(&Camera, &Camera)| {
-        let way = b.pose.position - a.pose.position;
-        (way.length() - step).abs() + way.dot(up).abs()
-    };
-    pairs.min_by(|a, b| off(a).total_cmp(&off(b))).map(|(a, b)| [&a.name[..], &b.name[..]])
 }
 
 /// What to do with the new photos.

@@ -68,6 +68,19 @@ impl PhotoSet {
         self.photos.iter().map(|photo| photo.camera.clone()).collect()
     }
 
+    /// Indices of the photos that `counts` holds for, those first that were taken nearest to a camera and most as it looks: a `step` counts
+    /// as much as 30 degrees.
+    pub fn nearest(&self, camera: &Camera, step: f64, counts: impl Fn(&Photo) -> bool) -> Vec<usize> {
+        let away = |photo: &Photo| {
+            let turned = photo.camera.pose.forward().angle_between(camera.pose.forward()).to_degrees();
+            photo.camera.pose.position.distance(camera.pose.position) / step + turned / 30.0
+        };
+        let counted = self.photos.iter().enumerate().filter(|(_, photo)| counts(photo));
+        let mut photos: Vec<(f64, usize)> = counted.map(|(i, photo)| (away(photo), i)).collect();
+        photos.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        photos.into_iter().map(|(_, photo)| photo).collect()
+    }
+
     /// Within which photos are not stray; see [`Reach::of_cameras`].
     pub fn reach(&self) -> Reach {
         let positions: Vec<_> = self.photos.iter().map(|photo| photo.camera.pose.position).collect();

@@ -43,28 +43,21 @@ struct Relief<'a> {
 pub struct Previews<'a> {
     set: &'a PhotoSet,
     seen: Vec<Vec<u32>>,
-    /// Length and angle that count as much as each other.
-    scale: f64,
+    /// See [`PhotoSet::step`].
+    step: f64,
 }
 
 impl<'a> Previews<'a> {
-    /// Of a capture whose photos are about `scale` apart.
-    pub fn new(set: &'a PhotoSet, scale: f64) -> Self {
-        Self { set, seen: set.seen(), scale }
+    /// Of the photos of a capture.
+    pub fn new(set: &'a PhotoSet) -> Self {
+        Self { set, seen: set.seen(), step: set.step() }
     }
 
     /// Indices of the photos with an image that were taken nearest to a camera and most as it looks, the nearest first.
     pub fn nearest(&self, camera: &Camera) -> Vec<usize> {
-        let away = |photo: &Photo| {
-            let turned = photo.camera.pose.forward().angle_between(camera.pose.forward()).to_degrees();
-            photo.camera.pose.position.distance(camera.pose.position) / self.scale + turned / 30.0
-        };
-        let mut photos: Vec<(f64, usize)> = (0..self.set.photos.len())
-            .filter(|photo| self.set.photos[*photo].image.is_some())
-            .map(|photo| (away(&self.set.photos[photo]), photo))
-            .collect();
-        photos.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        photos.into_iter().take(SOURCES).map(|(_, photo)| photo).collect()
+        let mut photos = self.set.nearest(camera, self.step, |photo| photo.image.is_some());
+        photos.truncate(SOURCES);
+        photos
     }
 
     /// What each camera should see, and the photos nearest to them and some others, small, by index.

@@ -11,10 +11,11 @@ use super::problem::Problem;
 use super::reference::Reference;
 use super::target::Target;
 use crate::engine::vulkan::Context;
+use crate::planner::quality::law::Fitted;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
-/// Photos of which the gain is worked out.
+/// Further photos of which the gain says whether those that there are are enough.
 pub const MORE: u32 = 10;
 /// Gain of that many, in decibels, below which photos are enough, and above which they are not.
 const LITTLE: f64 = 0.25;
@@ -29,8 +30,12 @@ const PARTS: usize = 3;
 /// What is said of the photos of a capture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Enough {
-    /// Decibels that the best [`MORE`] further photos are expected to gain.
+    /// Further photos that were planned.
+    pub more: u32,
+    /// Decibels that these, the best there are, are expected to gain.
     pub gain_db: f64,
+    /// Standard deviation of that figure, as [`crate::planner::quality::law::Fitted::spread`] has it.
+    pub gain_sd_db: f64,
     /// Share of what viewers look at that no photo sees.
     pub unseen: f64,
     /// Decibels that these are expected to be ahead of the photos of the capture, where they are others; negative where behind.
@@ -53,9 +58,21 @@ pub struct Weak {
     pub photo: Option<(String, String)>,
 }
 
-impl Enough {
-    /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`; beside `own`, the photos of the capture, where
-    /// these are others.
+/// What is said of the photos of a capture, and what to do about it.
+pub struct Advice {
+    /// In numbers.
+    pub enough: Enough,
+    /// Where further photos help most, all of them together, in the user's world and in no order.
+    pub further: Vec<Camera>,
+    /// Points of the surface, in the user's world, and what is expected there of the photos: decibels of error over the median.
+    pub points: Vec<DVec3>,
+    /// See `points`.
+    pub errors: Vec<f32>,
+}
+
+impl Advice {
+    /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`, which has the number of further photos too
+    /// (`views`); beside `own`, the photos of the capture, where these are others.
     ///
     /// # Errors
     /// As a plan.
@@ -67,25 +84,32 @@ impl Enough {
         config: &Config,
     ) -> Result<Self> {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
-        let config = Config { views: MORE, ..config.clone() };
         let problem = Problem::new(target, first.intrinsics, cameras)?;
         let scene = Arc::new(problem.on(context)?);
-        let reference = Reference::new(context, &problem, &scene, &config)?;
+        let reference = Reference::new(context, &problem, &scene, config)?;
         let before = reference.expect(&[])?;
         let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
         let over_own_db = own.map(|own| own.error_db - before.error_db);
-        let (after, _) = expected_beside(context, &problem, &scene, &reference, config.clone())?;
-        let points: Vec<DVec3> = problem.held_out(&config).iter().map(|point| point.position).collect();
+        let (after, poses) = expected_beside(context, &problem, &scene, &reference, config.clone())?;
+        let points: Vec<DVec3> = problem.held_out(config).iter().map(|point| point.position).collect();
         let errors = reference.prediction(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;
-        Ok(Self {
-            gain_db: before.error_db - after.error_db,
+        let gain_db = before.error_db - after.error_db;
+        let enough = Enough {
+            more: config.views,
+            gain_db,
+            gain_sd_db: Fitted::embedded().spread(gain_db),
             unseen: before.unseen,
             over_own_db,
             weak: weak(&points, &errors, radius, cameras),
-        })
+        };
+        let mut further = problem.cameras(&poses);
+        further.truncate(poses.len());
+        Ok(Self { enough, further, points, errors })
     }
+}
 
+impl Enough {
     /// The answer, in words.
     pub fn line(&self) -> String {
         let answer = match self.gain_db {
@@ -95,9 +119,9 @@ impl Enough {
         };
         let gain = match self.gain_db {
             gain if gain < LITTLE => {
-                format!("{MORE} more photos, wherever they are taken, would gain under {LITTLE} dB")
+                format!("{} more photos, wherever they are taken, would gain under {LITTLE} dB", self.more)
             }
-            gain => format!("the {MORE} photos that help most would gain about {gain:.1} dB"),
+            gain => format!("the {} photos that help most would gain about {gain:.1} dB", self.more),
         };
         format!("{answer}: {gain}; no photo shows {:.1}% of what viewers look at", 100.0 * self.unseen)
     }
@@ -200,7 +224,10 @@ mod tests {
     /// If this failed, a capture that ten photos would help much would be called good enough.
     #[test]
     fn the_answer_follows_the_gain() {
-        let line = |gain_db: f64| Enough { gain_db, unseen: 0.021, over_own_db: None, weak: Vec::new() }.line();
+        let line = |gain_db: f64| {
+            let (more, gain_sd_db, weak) = (MORE, 0.4, Vec::new());
+            Enough { more, gain_db, gain_sd_db, unseen: 0.021, over_own_db: None, weak }.line()
+        };
         assert!(line(0.1).starts_with("yes: 10 more photos, wherever") && line(0.1).contains("2.1%"));
         assert!(line(0.6).starts_with("nearly: the 10 photos that help most would gain about 0.6 dB"));
         assert!(line(2.4).starts_with("not yet"));

@@ -62,6 +62,14 @@ impl Target {
         Self::of_subject(surface, path, preset, choice, up, intrinsics, None)
     }
 
+    /// The kind of scene that its region is of.
+    pub fn preset(&self) -> Preset {
+        match self.region.shape {
+            Shape::Box { .. } => Preset::Room,
+            Shape::Shell { .. } => Preset::Object,
+        }
+    }
+
     /// As [`Self::new`], of what lies in a volume: the rest blocks views, and nothing is planned for it.
     ///
     /// # Errors

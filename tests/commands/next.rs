@@ -1,0 +1,102 @@
+//! `camsplat next`: which photos a capture needs, for programs that fly or drive there.
+
+use std::process::Output;
+
+use super::shots::{capture_wall, row};
+use crate::support::command::{Place, assert_refused};
+use camsplat::scene::camera::{Camera, Pose};
+use glam::DVec3;
+use serde_json::Value;
+
+/// The first photos of the row before the wall.
+fn captured(count: usize) -> (Place, Vec<Camera>) {
+    let place = Place::new();
+    let cameras = row("png")[..count].to_vec();
+    capture_wall(&place.path("wall"), &cameras, true);
+    (place, cameras)
+}
+
+/// What is printed with `--json`, which is nothing else.
+fn answered(place: &Place, arguments: &str) -> Value {
+    let Output { status, stdout, stderr } = place.command(&format!("next {arguments} --json")).output().unwrap();
+    assert!(status.success(), "{}", String::from_utf8_lossy(&stderr));
+    serde_json::from_slice(&stdout).unwrap()
+}
+
+fn poses(answer: &Value) -> Vec<Pose> {
+    let next = answer["next"].as_array().unwrap();
+    next.iter().map(|photo| serde_json::from_value(photo["pose"].clone()).unwrap()).collect()
+}
+
+/// If this failed, a robot would be sent to the farthest place first, or to other places than a person reads of, or the answer would be
+/// another each time that it is asked.
+#[test]
+fn the_next_photos_are_said_nearest_first() {
+    let (place, cameras) = captured(6);
+    let before = place.files("wall");
+    let answer = answered(&place, "wall --views 4");
+    let places = poses(&answer);
+    assert_eq!((places.len(), answer["more"].as_u64(), answer["photos"].as_u64()), (4, Some(4), Some(6)));
+    let last = cameras[5].pose.position;
+    let away: Vec<f64> = places.iter().map(|pose| pose.position.distance(last)).collect();
+    assert!(away.is_sorted(), "{away:?}");
+    let said = place.done("next wall --views 4 --json a.json").out;
+    for (photo, pose) in answer["next"].as_array().unwrap().iter().zip(&places) {
+        assert!(said.contains(&format!(
+            "from {}: {}",
+            photo["from"].as_str().unwrap(),
+            photo["words"].as_str().unwrap()
+        )));
+        let from = cameras.iter().find(|camera| photo["from"] == camera.name).unwrap();
+        let others = cameras.iter().map(|camera| camera.pose.position.distance(pose.position));
+        let near = from.pose.position.distance(pose.position);
+        assert!(others.fold(f64::INFINITY, f64::min) > 0.3 * near, "{photo} starts from a photo far away");
+    }
+    assert_eq!(serde_json::from_str::<Value>(&place.read("a.json")).unwrap(), answer);
+    assert_eq!(answered(&place, "wall --views 4"), answer);
+    // From the other end of the row, the same places in another order.
+    let other = poses(&answered(&place, "wall --views 4 --from 000.png"));
+    let first = cameras[0].pose.position;
+    assert!(other.is_sorted_by_key(|pose| pose.position.distance(first)));
+    let listed = |poses: &[Pose]| {
+        let mut sorted: Vec<DVec3> = poses.iter().map(|pose| pose.position).collect();
+        sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.z.total_cmp(&b.z)));
+        sorted
+    };
+    assert_eq!(listed(&places), listed(&other));
+    assert_eq!(place.files("wall"), before, "something was written into the capture");
+}
+
+/// If this failed, a program that follows the advice would take photo after photo without the capture getting better.
+#[test]
+fn advice_that_is_followed_gains_less_and_less() {
+    let (place, mut cameras) = captured(6);
+    let mut gains = Vec::new();
+    for round in 0..3 {
+        let name = format!("round{round}");
+        capture_wall(&place.path(&name), &cameras, true);
+        let answer = answered(&place, &format!("{name} --views 5 --viewers wall"));
+        gains.push(answer["gain_db"].as_f64().unwrap());
+        for (i, pose) in poses(&answer).into_iter().enumerate() {
+            let name = format!("1{round}{i}.png");
+            cameras.push(Camera { name, pose, intrinsics: cameras[0].intrinsics });
+        }
+    }
+    assert!(gains[0] > 0.3 && gains[1] < gains[0] && gains[2] < gains[0], "{gains:?}");
+}
+
+/// If this failed, a program would be answered about something else than it asked.
+#[test]
+fn what_has_no_next_photos_is_refused() {
+    let (place, _) = captured(6);
+    assert_refused(
+        &place,
+        &[
+            ("next ball.ply", &["ball.ply: ", "no capture", "camsplat plan"]),
+            ("next nowhere", &["nowhere: ", "no such file"]),
+            ("next wall --from nobody.png", &["wall: ", "no photo \"nobody.png\"", "--from"]),
+            ("next wall --views 0", &["views", "0"]),
+            ("next wall --json wall/points.ply", &["points.ply: ", "would be replaced"]),
+        ],
+    );
+}
