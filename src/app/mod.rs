@@ -7,3 +7,5 @@ pub mod cli;
 #[cfg(feature = "cli")]
 mod export;
 pub mod report;
+#[cfg(feature = "cli")]
+mod watch;

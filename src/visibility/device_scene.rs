@@ -5,12 +5,14 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::engine::vulkan::{Buffer, Context};
+use crate::scene::camera::Camera;
 use crate::scene::free_space::{self, FreeSpace};
 use crate::scene::limits::Limits;
 use crate::scene::proxy::Proxy;
 use crate::scene::region::{Region, Shape};
 use crate::scene::similarity::Similarity;
 use crate::visibility::bvh::{Bvh, Primitives, TraversalConstants};
+use crate::visibility::raycast::Ray;
 use crate::{Error, Result};
 
 /// How far a surface may lie from the middle of the region, over its size: its points are resolved to less than a hundredth of
@@ -94,6 +96,18 @@ impl SceneGeometry {
             FreeSpace::with_everybody(&occluder, proxy.assumed, &internal, &limits, free_space::RESOLUTION)?;
         let bvh = Bvh::new(&proxy.occluder, &to_internal)?;
         Ok(Self { to_internal, region: internal, free, limits, everywhere, bvh })
+    }
+
+    /// Whether a point is in a camera's image and nothing is between them; both in the user's world.
+    pub fn sees(&self, camera: &Camera, point: DVec3) -> bool {
+        if !camera.sees(point) {
+            return false;
+        }
+        let origin = self.to_internal.point(point).as_vec3();
+        let ray = self.to_internal.point(camera.pose.position).as_vec3() - origin;
+        let distance = ray.length();
+        let direction = ray / distance.max(1e-6);
+        !self.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance })
     }
 
     /// Lowest and highest corner, in the user's world, of what may be a room, where free space is not in it.

@@ -34,6 +34,7 @@ mod train_refusals;
 mod train_stops;
 mod vds_command;
 mod view_command;
+mod watch;
 
 #[path = "../support"]
 mod support {

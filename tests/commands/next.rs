@@ -93,7 +93,7 @@ fn what_has_no_next_photos_is_refused() {
         &place,
         &[
             ("next ball.ply", &["ball.ply: ", "no capture", "camsplat plan"]),
-            ("next nowhere", &["nowhere: ", "no such file"]),
+            ("next nowhere", &["nowhere: ", "No such file"]),
             ("next wall --from nobody.png", &["wall: ", "no photo \"nobody.png\"", "--from"]),
             ("next wall --views 0", &["views", "0"]),
             ("next wall --json wall/points.ply", &["points.ply: ", "would be replaced"]),

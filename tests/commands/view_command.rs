@@ -10,16 +10,16 @@ use crate::support::command::{Place, assert_refused, stop};
 use crate::support::splats::scene;
 use camsplat::files::io;
 
-/// A server that was started for a path.
-struct Served {
+/// A server that was started by a command.
+pub struct Served {
     /// None once it has been stopped.
-    child: Option<Child>,
+    pub child: Option<Child>,
     output: Option<ChildStdout>,
     port: u16,
     /// First part of every path, with a slash before it.
-    secret: String,
-    /// What was printed before the address.
-    said: String,
+    pub secret: String,
+    /// What was printed before the address, and until something was waited for.
+    pub said: String,
 }
 
 impl Drop for Served {
@@ -34,20 +34,39 @@ impl Drop for Served {
 
 impl Served {
     fn new(place: &Place, arguments: &str) -> Self {
-        let mut child = place.command(&format!("view {arguments} --no-browser")).spawn().unwrap();
-        let mut output = child.stdout.take().unwrap();
+        Self::begun(place, &format!("view {arguments}"), "view ")
+    }
+
+    /// By a whole command, which prints the address on the line that begins so.
+    pub fn begun(place: &Place, arguments: &str, beginning: &str) -> Self {
+        let mut child = place.command(&format!("{arguments} --no-browser")).spawn().unwrap();
+        let output = child.stdout.take();
+        let mut served = Self { child: Some(child), output, port: 0, secret: String::new(), said: String::new() };
+        let line = served.until(beginning);
+        let (_, rest) = line.split_once("http://127.0.0.1:").unwrap();
+        let address: Vec<&str> = rest.split('/').take(2).collect();
+        (served.port, served.secret) = (address[0].parse().unwrap(), format!("/{}", address[1]));
+        served
+    }
+
+    /// Waits for a line that begins so, and returns it.
+    #[track_caller]
+    pub fn until(&mut self, beginning: &str) -> String {
+        let output = self.output.as_mut().unwrap();
         // Byte by byte: the end of the line is the only sign that it is complete.
-        let (mut text, mut byte) = (String::new(), [0]);
-        let address = loop {
-            assert_eq!(output.read(&mut byte).unwrap(), 1, "the server ended: {text}");
-            text.push(char::from(byte[0]));
-            let line = text.lines().find(|line| line.starts_with("view ") && text.ends_with('\n'));
-            if let Some((_, rest)) = line.and_then(|line| line.split_once("http://127.0.0.1:")) {
-                break rest.split('/').take(2).map(str::to_owned).collect::<Vec<_>>();
+        let (mut line, mut byte) = (Vec::new(), [0]);
+        loop {
+            assert_eq!(output.read(&mut byte).unwrap(), 1, "it ended without a line {beginning:?}: {}", self.said);
+            if byte[0] != b'\n' {
+                line.push(byte[0]);
+                continue;
             }
-        };
-        let (port, secret) = (address[0].parse().unwrap(), format!("/{}", address[1]));
-        Self { child: Some(child), output: Some(output), port, secret, said: text }
+            let whole = String::from_utf8_lossy(&std::mem::take(&mut line)).into_owned();
+            self.said += &format!("{whole}\n");
+            if whole.starts_with(beginning) {
+                return whole;
+            }
+        }
     }
 
     /// A connection on which a file was asked for.
@@ -58,7 +77,7 @@ impl Served {
     }
 
     /// Status and body of the answer to a request of a file below the secret path.
-    fn ask(&self, method: &str, path: &str, host: &str) -> (u16, String) {
+    pub fn ask(&self, method: &str, path: &str, host: &str) -> (u16, String) {
         self.ask_whole(method, &format!("{}{path}", self.secret), host)
     }
 
@@ -72,7 +91,7 @@ impl Served {
         (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
     }
 
-    fn get(&self, path: &str) -> (u16, String) {
+    pub fn get(&self, path: &str) -> (u16, String) {
         self.ask("GET", path, &format!("127.0.0.1:{}", self.port))
     }
 
@@ -83,7 +102,12 @@ impl Served {
         rendered(&write_to(place.path("shown.html"), &page), &[])
     }
 
-    fn end(mut self) {
+    /// Address of the page.
+    pub fn url(&self) -> String {
+        format!("http://127.0.0.1:{}{}/", self.port, self.secret)
+    }
+
+    pub fn end(mut self) {
         let ran = stop(self.child.take().unwrap(), self.output.take().unwrap(), "-INT");
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "{}", ran.out);
     }

@@ -48,6 +48,7 @@ mod vds;
 mod vdsf;
 mod view;
 mod viewers;
+mod watch;
 
 use std::ffi::OsString;
 use std::sync::Arc;
@@ -103,6 +104,8 @@ enum Command {
     Evaluate(Box<evaluate::Arguments>),
     /// Show a plan, capture, trained model or folder of runs in the browser
     View(view::Arguments),
+    /// Watch a folder while photos arrive in it, and show what they still lack and where to stand next
+    Watch(Box<watch::Arguments>),
     /// List every Vulkan device, its features and what it lacks
     Devices,
     /// Run the full pipeline on built-in scenes: plan, render photos, train splats, compare with random placement and a grid
@@ -230,6 +233,7 @@ fn start(command: Command) -> Result<Ended> {
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
+        Command::Watch(arguments) => watch::run(&arguments),
         Command::Devices => devices::run(),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Vdsf(arguments) => vdsf::run(&arguments),

@@ -1,5 +1,6 @@
 //! `camsplat next`.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -113,7 +114,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     config.validate()?;
     leave_on_interrupt()?;
     let context = arguments.device.open()?;
-    let advice = Advice::new(&context, &target, &cameras, None, &config)?;
+    let advice = Advice::new(&context, &target, &cameras, None, &config, &mut || ControlFlow::Continue(()))?;
     print_messages(&context);
     let (unit, said) = way::unit(&photos, target.region.up);
     let next = in_order(advice.further, last, &photos, &target.region, &unit);

@@ -1,5 +1,6 @@
 //! `camsplat score`.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -111,8 +112,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     };
     let (expected, metrics) = pipeline::score(&context, &target, &cameras, kept, &config)?;
     let further = Config { views: MORE, ..config };
-    let advice =
-        if of_capture { Some(Advice::new(&context, &target, &cameras, own.as_deref(), &further)?) } else { None };
+    let judged =
+        || Advice::new(&context, &target, &cameras, own.as_deref(), &further, &mut || ControlFlow::Continue(()));
+    let advice = of_capture.then(judged).transpose()?;
     let enough = advice.map(|advice| advice.enough);
     print_messages(&context);
     if let Some(enough) = &enough {

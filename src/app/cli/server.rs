@@ -1,8 +1,8 @@
-//! A web server for this machine's own browser: one page, and the files of a folder.
+//! A web server for browsers on this machine, or on the local network: a page, what it asks for, and the files of a folder.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
@@ -25,17 +25,36 @@ const MAX_HEAD: usize = 16_384;
 const MAX_HEADERS: usize = 100;
 /// Names by which a browser on this machine knows it. A page elsewhere whose name is made to point here has another.
 const HOSTS: [&str; 2] = ["127.0.0.1", "localhost"];
+/// An address that no machine has (RFC 5737), by which the one is found that this machine has among others.
+const OTHERS: Ipv4Addr = Ipv4Addr::new(192, 0, 2, 1);
 /// What a browser is to know of every answer: that it is not to guess or keep it, that other pages may not have it, and that nothing
 /// of it, which may be written by others, is to be sent anywhere, the secret path in its address least of all.
 const HEADERS: &str = "X-Content-Type-Options: nosniff\r\nCache-Control: no-store\r\nCross-Origin-Resource-Policy: same-origin\r\n\
-    Referrer-Policy: no-referrer\r\nContent-Security-Policy: connect-src 'none'; form-action 'none'; base-uri 'none'; \
-    frame-ancestors 'none'\r\nConnection: close\r\n";
+    Referrer-Policy: no-referrer\r\nConnection: close\r\n";
 
-/// Makes the page, each time that it is asked for.
-pub type Page = Box<dyn Fn() -> Result<String> + Send + Sync>;
+/// Makes what is at a path below the secret one, each time that it is asked for: the page at the empty one; none where there is nothing.
+pub type Site = Box<dyn Fn(&str) -> Option<Result<Served>> + Send + Sync>;
 
-/// Serves a page and a folder on the loopback address, below a path that nobody else can guess: other users of the machine can connect
-/// too.
+/// What a [`Site`] has at a path.
+pub enum Served {
+    /// A page.
+    Html(String),
+    /// Data that the page asks for.
+    Json(String),
+}
+
+/// Who can connect, and what pages may do.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Access {
+    /// Port, 0 for any that is free.
+    pub port: u16,
+    /// Whether other machines of the local network can connect.
+    pub shared: bool,
+    /// Whether the page may ask this server for more: not one that shows what others have written.
+    pub asks: bool,
+}
+
+/// Serves a page and a folder below a path that nobody else can guess: other users of the machine can connect too.
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
@@ -45,7 +64,8 @@ pub struct Server {
 struct Shown {
     /// First part of every path.
     secret: String,
-    page: Page,
+    access: Access,
+    site: Site,
     /// Whose files are served, without links in its path; none where the page needs none.
     root: Option<PathBuf>,
 }
@@ -66,28 +86,43 @@ struct Answer {
 }
 
 impl Server {
-    /// Listens on a port of the loopback address, 0 for any that is free.
+    /// Listens on a port of the loopback address, or of all where it is shared.
     ///
     /// # Errors
     /// Where the port is taken, the folder cannot be read or the system gives no random numbers.
-    pub fn bind(port: u16, root: Option<&Path>, page: Page) -> Result<Self> {
+    pub fn bind(access: Access, root: Option<&Path>, site: Site) -> Result<Self> {
+        let Access { port, shared, .. } = access;
+        let host = if shared { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
         let refused = |e: io::Error| {
-            Error::request(format!(
-                "port {port} of 127.0.0.1 cannot be served: {e}; give another `port`, or leave it out"
-            ))
+            Error::request(format!("port {port} of {host} cannot be served: {e}; give another `port`, or leave it out"))
         };
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(refused)?;
+        let listener = TcpListener::bind((host, port)).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         listener.set_nonblocking(true).map_err(refused)?;
         let random = |e| Error::request(format!("the system gives no random numbers for the address: {e}"));
         let secret = format!("{:016x}", getrandom::u64().map_err(random)?);
         let root = root.map(|root| root.canonicalize().map_err(|source| Error::io(root, source))).transpose()?;
-        Ok(Self { listener, address, shown: Arc::new(Shown { secret, page, root }) })
+        Ok(Self { listener, address, shown: Arc::new(Shown { secret, access, site, root }) })
     }
 
-    /// Address of the page.
+    /// Address of the page for a browser on this machine.
     pub fn url(&self) -> String {
-        format!("http://{}/{}/", self.address, self.shown.secret)
+        self.url_at(Ipv4Addr::LOCALHOST)
+    }
+
+    /// Address of the page for other machines of the local network; none where it is not shared, or there is no network.
+    pub fn shared_url(&self) -> Option<String> {
+        // Which of its addresses this machine would send from to others; nothing is sent.
+        let socket = self.shown.access.shared.then(|| UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)))?.ok()?;
+        socket.connect((OTHERS, 9)).ok()?;
+        match socket.local_addr().ok()?.ip() {
+            IpAddr::V4(address) if !address.is_loopback() => Some(self.url_at(address)),
+            _ => None,
+        }
+    }
+
+    fn url_at(&self, address: Ipv4Addr) -> String {
+        format!("http://{address}:{}/{}/", self.address.port(), self.shown.secret)
     }
 
     /// Answers requests until the user stops it; a client that does not read its answer holds up neither the others nor the end.
@@ -118,7 +153,12 @@ impl Shown {
         stream.set_write_timeout(Some(PATIENCE))?;
         let Some(request) = read_request(&mut stream)? else { return Ok(()) };
         let Answer { status, kind, length, body } = self.answer_to(&request);
-        write!(stream, "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{HEADERS}\r\n")?;
+        let asks = if self.access.asks { "'self'" } else { "'none'" };
+        write!(
+            stream,
+            "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{HEADERS}Content-Security-Policy: \
+             connect-src {asks}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'\r\n\r\n"
+        )?;
         if request.method != "HEAD" {
             io::copy(&mut body.take(length), &mut stream)?;
         }
@@ -126,7 +166,7 @@ impl Shown {
     }
 
     fn answer_to(&self, request: &HttpRequest) -> Answer {
-        if !request.host.as_deref().is_some_and(is_ours) {
+        if !request.host.as_deref().is_some_and(|host| is_ours(host, self.access.shared)) {
             return Answer::text("403 Forbidden", "this server is for the browser on its own machine");
         }
         if !matches!(request.method.as_str(), "GET" | "HEAD") {
@@ -137,13 +177,12 @@ impl Shown {
             return Answer::text("404 Not Found", "open the whole address that camsplat printed");
         };
         match percent_decode_str(path).decode_utf8_lossy().strip_prefix('/') {
-            Some("") => match (self.page)() {
-                Ok(page) => Answer::of("200 OK", "text/html; charset=utf-8", page),
-                Err(error) => Answer::text("500 Internal Server Error", &error.to_string()),
+            Some(path) => match (self.site)(path) {
+                Some(Ok(Served::Html(page))) => Answer::of("200 OK", "text/html; charset=utf-8", page),
+                Some(Ok(Served::Json(data))) => Answer::of("200 OK", "application/json", data),
+                Some(Err(error)) => Answer::text("500 Internal Server Error", &error.to_string()),
+                None => self.file(path).unwrap_or_else(|| Answer::text("404 Not Found", "there is no such file here")),
             },
-            Some(path) => {
-                self.file(path).unwrap_or_else(|| Answer::text("404 Not Found", "there is no such file here"))
-            }
             None => Answer::text("404 Not Found", "the address ends in a slash"),
         }
     }
@@ -202,10 +241,11 @@ fn read_request(stream: &mut impl Read) -> io::Result<Option<HttpRequest>> {
     Ok(None)
 }
 
-/// Whether a request's Host is one of this server's names, with a port or without.
-fn is_ours(host: &str) -> bool {
+/// Whether a request's Host is one of this server's names, with a port or without; where it is shared, also an address in numbers, which no
+/// page elsewhere can make its own.
+fn is_ours(host: &str, shared: bool) -> bool {
     let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
-    HOSTS.iter().any(|ours| ours.eq_ignore_ascii_case(name))
+    HOSTS.iter().any(|ours| ours.eq_ignore_ascii_case(name)) || shared && name.parse::<Ipv4Addr>().is_ok()
 }
 
 /// The media type of what camsplat writes; a browser saves what it cannot show.

@@ -3,10 +3,12 @@
 use std::cell::RefCell;
 use std::io::Write as _;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use clap::Arg;
+
+use crate::engine::parallel::lock;
 
 /// A program that runs a command inside itself, see [`super::run`]. It is called from the threads that the command runs on.
 pub trait Listener: Send + Sync {
@@ -162,6 +164,35 @@ pub fn go_on() -> ControlFlow<()> {
         None => INTERRUPTED.load(Ordering::SeqCst),
     };
     if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+/// Keeps lines from being printed.
+struct Overhearing {
+    lines: Mutex<Vec<String>>,
+    of: Arc<Session>,
+}
+
+impl Listener for Overhearing {
+    fn line(&self, text: &str) {
+        lock(&self.lines).push(text.to_owned());
+    }
+
+    fn progress(&self, _: &str, _: u64, _: u64) {}
+
+    fn stops(&self) -> bool {
+        self.of.within(go_on).is_break()
+    }
+}
+
+/// Calls `work`, and returns what it would have printed beside what it returns.
+pub fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
+    let of = current();
+    let listener = Arc::new(Overhearing { lines: Mutex::default(), of: Arc::clone(&of) });
+    let inner =
+        Arc::new(Session { options: of.options.clone(), listener: Some(listener.clone()), ..Session::default() });
+    let done = inner.within(work);
+    let lines = std::mem::take(&mut *lock(&listener.lines));
+    (done, lines)
 }
 
 /// The options of the command that the arguments name, see [`Session::with_options`].

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::progress::close_on_interrupt;
 use super::region::parse_up;
-use super::server::{Page, Server};
+use super::server::{Access, Served, Server, Site};
 use super::session::Ended;
 use crate::app::report::view::{self, Run};
 use crate::files::io;
@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let Arguments { path, port, no_browser, up } = arguments;
     let (root, page) = content(path, *up)?;
     close_on_interrupt()?;
-    let server = Server::bind(*port, root.as_deref(), page)?;
+    let server = Server::bind(Access { port: *port, ..Access::default() }, root.as_deref(), site_of(page))?;
     let url = server.url();
     say!("view     {url}, until Ctrl-C");
     if !no_browser && open::that_detached(&url).is_err() {
@@ -55,6 +55,14 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     server.serve();
     Ok(Ended::Done)
+}
+
+/// Makes the page, each time that it is asked for.
+type Page = Box<dyn Fn() -> Result<String> + Send + Sync>;
+
+/// A page and nothing else.
+fn site_of(page: Page) -> Site {
+    Box::new(move |path| path.is_empty().then(|| page().map(Served::Html)))
 }
 
 /// What to show of a path: a folder whose files the page needs, and the page.

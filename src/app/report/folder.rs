@@ -10,11 +10,8 @@ use crate::files::io::folder::OutputFolder;
 use crate::files::photos::PhotoSet;
 use crate::planner::plan::pipeline::Plan;
 use crate::planner::plan::target::Target;
-use crate::scene::camera::Camera;
-use crate::scene::proxy::Occluder;
+use crate::scene::proxy::{self, Occluder};
 use crate::scene::surface::Points;
-use crate::visibility::device_scene::SceneGeometry;
-use crate::visibility::raycast::Ray;
 
 /// Stream of the points that trainers start from.
 pub(super) const SEED_STREAM: u32 = 2;
@@ -37,8 +34,12 @@ pub fn write(plan: &Plan, target: &Target, photos: Option<&PhotoSet>, folder: Ou
     let record = &plan.record;
     let seeds = target.proxy.sample(SEED_POINTS, record.seed, SEED_STREAM);
     let tracks = if seeds.len() * record.cameras.len() <= MAX_PAIRS {
-        let at = |point: &crate::scene::proxy::SurfacePoint| point.position + point.lift * point.normal;
-        seeds.iter().map(|point| seen_by(&plan.geometry, at(point), &record.cameras)).collect()
+        let seen_by = |point: &proxy::SurfacePoint| {
+            let at = point.position + point.lift * point.normal;
+            let seen = (0u32..).zip(&record.cameras).filter(|(_, camera)| plan.geometry.sees(camera, at));
+            seen.map(|(i, _)| i).collect()
+        };
+        seeds.iter().map(seen_by).collect()
     } else {
         Vec::new()
     };
@@ -62,7 +63,7 @@ pub fn write(plan: &Plan, target: &Target, photos: Option<&PhotoSet>, folder: Ou
         .map_err(|e| Error::request(format!("plan.json cannot be written: {e}")))?;
     folder.write("plan.json", json)?;
     let shots = match photos {
-        Some(photos) => Shots::new(record, photos)?,
+        Some(photos) => Shots::new(&record.cameras, record.kept, &record.region, photos)?,
         None => None,
     };
     if let Some(shots) = &shots {
@@ -99,19 +100,4 @@ fn page(plan: &Plan, target: &Target, shots: Option<&Shots>) -> Result<String> {
         &plan.record,
         &ReportScene { points: &points, triangles, cloud: Cloud::of(&target.proxy), worst: &plan.map.worst, shots },
     )
-}
-
-/// Indices of the cameras in whose image `point` lies, unblocked.
-fn seen_by(geometry: &SceneGeometry, point: DVec3, cameras: &[Camera]) -> Vec<u32> {
-    let origin = geometry.to_internal.point(point).as_vec3();
-    let sees = |camera: &Camera| {
-        if !camera.sees(point) {
-            return false;
-        }
-        let ray = geometry.to_internal.point(camera.pose.position).as_vec3() - origin;
-        let distance = ray.length();
-        let direction = ray / distance.max(1e-6);
-        !geometry.bvh.any_hit(&Ray { origin, direction, t_min: 0.0, t_max: distance })
-    };
-    (0u32..).zip(cameras).filter(|(_, camera)| sees(camera)).map(|(i, _)| i).collect()
 }

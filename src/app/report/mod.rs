@@ -18,12 +18,12 @@ pub mod folder;
 mod geometry;
 #[cfg(feature = "cli")]
 mod layouts;
-mod pictures;
+pub(crate) mod pictures;
 #[cfg(feature = "cli")]
 mod plots;
 mod scene_data;
 pub mod selection;
-mod shot_map;
+pub(crate) mod shot_map;
 pub mod shots;
 mod splats;
 mod text;

@@ -125,7 +125,7 @@ pub(super) fn shrunk(picture: RgbImage, most: u32) -> RgbImage {
 }
 
 /// The data URL of a JPEG file.
-pub(super) fn jpeg_url(file: &[u8]) -> String {
+pub(crate) fn jpeg_url(file: &[u8]) -> String {
     format!("data:image/jpeg;base64,{}", STANDARD.encode(file))
 }
 

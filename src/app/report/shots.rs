@@ -5,14 +5,15 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::pictures::{MAX_BYTES, jpeg, jpeg_url};
-use super::shot_map;
+use super::shot_map::{self, Places};
 use super::text::escape;
 use super::way::{self, Way};
 use crate::files::io::picture::stem;
 use crate::files::photos::PhotoSet;
 use crate::files::photos::preview::{Previews, unseen};
-use crate::planner::plan::record::PlanRecord;
 use crate::scene::camera::Camera;
+use crate::scene::directions::Unit;
+use crate::scene::region::Region;
 use crate::{Error, Result};
 
 /// Part of a picture that is new from which on that is said: a shot that looks beside an object is for what lies behind it in other views.
@@ -49,32 +50,32 @@ pub struct ShotList {
 pub struct Shots {
     /// The list.
     pub list: ShotList,
-    /// Whether lengths are said in metres.
-    is_metric: bool,
+    /// What lengths are said in.
+    pub unit: Unit,
     /// JPEG files of what each shot should see.
     pub pictures: Vec<Vec<u8>>,
-    /// Of photos that exist and are shown: index among the record's cameras, and file.
+    /// Of photos that exist and are shown: index among all cameras, and file.
     shown: Vec<(usize, Vec<u8>)>,
-    /// Index of the photo to start from of each shot, among the record's cameras.
+    /// Index of the photo to start from of each shot, among all cameras.
     from: Vec<usize>,
     /// The scene from above, as SVG.
     map: String,
 }
 
 impl Shots {
-    /// Of a plan that keeps photos of `set`; none where it keeps none with an image, or is for none.
+    /// Of planned cameras and the `kept` last ones, photos of `set`; none where none of these has an image, or none is planned.
     ///
     /// # Errors
     /// Where an image cannot be read.
-    pub fn new(record: &PlanRecord, set: &PhotoSet) -> Result<Option<Self>> {
-        let (planned, kept) = record.cameras.split_at(record.cameras.len() - record.kept);
+    pub fn new(cameras: &[Camera], kept: usize, region: &Region, set: &PhotoSet) -> Result<Option<Self>> {
+        let (planned, kept) = cameras.split_at(cameras.len() - kept);
         let number = |name: &str| kept.iter().position(|camera| camera.name == name);
         let there = set.photos.iter().any(|photo| photo.image.is_some() && number(&photo.camera.name).is_some());
         if planned.is_empty() || !there {
             return Ok(None);
         }
         let set = set.clone().filtered(|photo| number(&photo.camera.name).is_some());
-        let (unit, said) = way::unit(&set, record.region.up);
+        let (unit, said) = way::unit(&set, region.up);
         let previews = Previews::new(&set);
         let (pictures, photos) = previews.pictures(planned)?;
         let (mut shots, mut from) = (Vec::new(), Vec::new());
@@ -86,7 +87,7 @@ impl Shots {
             shots.push(Shot {
                 name: camera.name.clone(),
                 picture: format!("shots/{:03}.jpg", i + 1),
-                way: Way::new(photo, camera, &record.region, &unit),
+                way: Way::new(photo, camera, region, &unit),
                 unseen: unseen(&pictures[i]),
             });
         }
@@ -105,10 +106,17 @@ impl Shots {
                 break;
             }
         }
-        let map = shot_map::svg(record, &set.points, &from, &unit);
+        let dots = shot_map::coloured(&set.points);
+        let map = shot_map::svg(&Places { planned, kept, up: region.up }, &dots, &from, &unit);
         let list = ShotList { unit: said, unit_length: unit.length(), shots };
         let shown = photos.into_iter().map(|(photo, _)| photo).zip(files.1).collect();
-        Ok(Some(Self { list, is_metric: set.metre.is_some(), pictures: files.0, shown, from, map }))
+        Ok(Some(Self { list, unit, pictures: files.0, shown, from, map }))
+    }
+
+    /// The small picture of the photo to start from of a shot, by its number from 0, as a JPEG file.
+    pub fn start(&self, shot: usize) -> Option<&[u8]> {
+        let from = self.from.get(shot)?;
+        self.shown.iter().find(|(photo, _)| photo == from).map(|(_, file)| &file[..])
     }
 
     /// `shots.json`.
@@ -122,7 +130,7 @@ impl Shots {
 
     /// The section of the page.
     pub fn html(&self, cameras: &[Camera]) -> String {
-        let metric = self.is_metric;
+        let metric = matches!(self.unit, Unit::Metre(_));
         let unit = if metric { String::new() } else { format!(" Lengths are in steps: {}.", escape(&self.list.unit)) };
         let mut html = format!(
             "<section aria-labelledby=\"shots-title\">\n<h2 id=\"shots-title\">Shot list</h2>\n<p>Stand where the photo on the right was \
@@ -134,7 +142,7 @@ impl Shots {
         );
         for ((i, shot), (picture, from)) in self.list.shots.iter().enumerate().zip(self.pictures.iter().zip(&self.from))
         {
-            let photo = self.shown.iter().find(|(photo, _)| photo == from).map(|(_, file)| jpeg_url(file));
+            let photo = self.start(i).map(jpeg_url);
             let height = shot.way.height.map(|height| {
                 let (length, unit) = (height / self.list.unit_length, if metric { "m" } else { "steps" });
                 format!(" The lens is {length:.1} {unit} above the floor.")

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use self::choice::{Choice, Frame};
 use self::grey::Grey;
 use self::motion::Pyramid;
-pub use self::pictures::Pictures;
+pub use self::pictures::{Pictures, by_number};
 use self::travel::{Step, Traveller};
 use crate::error::{Error, Result};
 use crate::files::io::folder::OutputFolder;

@@ -107,7 +107,7 @@ fn ends_in(name: &str, extensions: &[&str]) -> bool {
 }
 
 /// Compares names with each number in them by its value.
-fn by_number(a: &str, b: &str) -> Ordering {
+pub fn by_number(a: &str, b: &str) -> Ordering {
     let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
     let (mut x, mut y) = (a, b);
     while let (Some(p), Some(q)) = (x.chars().next(), y.chars().next()) {

@@ -1,5 +1,6 @@
 //! Whether the photos of a capture are enough: what more of them would gain, and where they are weak.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -10,9 +11,11 @@ use super::pipeline::expected_beside;
 use super::problem::Problem;
 use super::reference::Reference;
 use super::target::Target;
+use crate::engine::parallel::mapped;
 use crate::engine::vulkan::Context;
 use crate::planner::quality::law::Fitted;
 use crate::scene::camera::Camera;
+use crate::scene::proxy::SurfacePoint;
 use crate::{Error, Result};
 
 /// Further photos of which the gain says whether those that there are are enough.
@@ -68,30 +71,34 @@ pub struct Advice {
     pub points: Vec<DVec3>,
     /// See `points`.
     pub errors: Vec<f32>,
+    /// By point, whether no photo shows it.
+    pub unseen: Vec<bool>,
 }
 
 impl Advice {
     /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`, which has the number of further photos too
-    /// (`views`); beside `own`, the photos of the capture, where these are others.
+    /// (`views`); beside `own`, the photos of the capture, where these are others. `go_on` is asked every now and then and may stop it.
     ///
     /// # Errors
-    /// As a plan.
+    /// As a plan, and [`Error::Interrupted`] where it was stopped.
     pub fn new(
         context: &Arc<Context>,
         target: &Target,
         cameras: &[Camera],
         own: Option<&[Camera]>,
         config: &Config,
+        go_on: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Self> {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
         let problem = Problem::new(target, first.intrinsics, cameras)?;
         let scene = Arc::new(problem.on(context)?);
-        let reference = Reference::new(context, &problem, &scene, config)?;
+        let reference = Reference::observed(context, &problem, &scene, config, go_on)?;
         let before = reference.expect(&[])?;
         let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
         let over_own_db = own.map(|own| own.error_db - before.error_db);
-        let (after, poses) = expected_beside(context, &problem, &scene, &reference, config.clone())?;
-        let points: Vec<DVec3> = problem.held_out(config).iter().map(|point| point.position).collect();
+        let (after, poses) = expected_beside(context, &problem, &scene, &reference, config.clone(), go_on)?;
+        let held_out = problem.held_out(config);
+        let points: Vec<DVec3> = held_out.iter().map(|point| point.position).collect();
         let errors = reference.prediction(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;
         let gain_db = before.error_db - after.error_db;
@@ -105,18 +112,28 @@ impl Advice {
         };
         let mut further = problem.cameras(&poses);
         further.truncate(poses.len());
-        Ok(Self { enough, further, points, errors })
+        let hidden = |point: &SurfacePoint| {
+            let at = point.position + point.lift * point.normal;
+            !cameras.iter().any(|camera| problem.geometry.sees(camera, at))
+        };
+        let unseen = mapped(&held_out, |_, point| hidden(point));
+        Ok(Self { enough, further, points, errors, unseen })
     }
 }
 
 impl Enough {
-    /// The answer, in words.
-    pub fn line(&self) -> String {
-        let answer = match self.gain_db {
+    /// Whether the photos are enough: "yes", "nearly" or "not yet", where [`MORE`] further ones were planned.
+    pub fn answer(&self) -> &'static str {
+        match self.gain_db {
             gain if gain < LITTLE => "yes",
             gain if gain < MUCH => "nearly",
             _ => "not yet",
-        };
+        }
+    }
+
+    /// The answer with its reason, in words.
+    pub fn line(&self) -> String {
+        let answer = self.answer();
         let gain = match self.gain_db {
             gain if gain < LITTLE => {
                 format!("{} more photos, wherever they are taken, would gain under {LITTLE} dB", self.more)

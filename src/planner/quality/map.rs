@@ -133,6 +133,11 @@ pub(crate) fn error_map(
     Ok(ErrorMap { points: at, worst: worst.into_iter().map(pictured).collect() })
 }
 
+/// The colour of so many decibels about the median: from blue over white to red.
+pub(crate) fn colour_of(db: f64) -> [u8; 3] {
+    shaded(db, 1.0)
+}
+
 /// The colour of a surface with so much error that faces the viewer so far.
 fn shaded(db: f64, facing: f32) -> [u8; 3] {
     const ENDS: [[f64; 3]; 2] = [[33.0, 102.0, 172.0], [178.0, 24.0, 43.0]];

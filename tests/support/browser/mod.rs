@@ -21,6 +21,11 @@ pub fn write_to(path: PathBuf, page: &str) -> PathBuf {
 
 /// The page's document after its scripts have run, or `None` (and a word on it) without a browser. The console must be empty.
 pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
+    rendered_at(&format!("file://{}", page.display()), flags)
+}
+
+/// The same of the page at an address.
+pub fn rendered_at(address: &str, flags: &[&str]) -> Option<String> {
     let profile = tempfile::tempdir().unwrap();
     for browser in ["chromium", "chromium-browser", "google-chrome"] {
         let output = Command::new(browser)
@@ -30,7 +35,7 @@ pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .args(flags)
             .args(["--enable-logging=stderr", "--dump-dom"])
-            .arg(format!("file://{}", page.display()))
+            .arg(address)
             .output();
         if let Ok(output) = output {
             let dom = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -39,7 +44,7 @@ pub fn rendered(page: &Path, flags: &[&str]) -> Option<String> {
             // A software driver complains of the 3D view's speed there.
             let logged = |line: &&str| line.contains(":CONSOLE") && !line.contains("GL Driver Message");
             let console: Vec<&str> = said.lines().filter(logged).collect();
-            assert!(console.is_empty(), "{}: {console:#?}", page.display());
+            assert!(console.is_empty(), "{address}: {console:#?}");
             return Some(dom);
         }
     }

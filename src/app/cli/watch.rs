@@ -1,0 +1,392 @@
+//! `camsplat watch`.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
+
+use super::options::{DeviceOptions, print_messages};
+use super::photographed;
+use super::progress::close_on_interrupt;
+use super::region::RegionOptions;
+use super::server::{Access, Served, Server};
+use super::session::{self, Ended, go_on};
+use super::viewers::ViewerOptions;
+use crate::app::watch::board::{Flaw, PAGE, Shared, Shown};
+use crate::app::watch::inbox::{Arrival, Inbox};
+use crate::app::watch::sfm::Sfm;
+use crate::engine::parallel::lock;
+use crate::engine::vulkan::Context;
+use crate::files::io;
+use crate::files::io::colmap;
+use crate::files::io::photos::files::images_in;
+use crate::files::io::photos::{Images, ReadOptions};
+use crate::files::photos::PhotoSet;
+use crate::planner::plan::config::Config;
+use crate::planner::plan::enough::{Advice, MORE};
+use crate::planner::quality::viewers::Viewers;
+use crate::scene::camera::Camera;
+use crate::scene::surface::Surface;
+use crate::{Error, Result};
+
+/// Arguments of `camsplat watch`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Folder that photos arrive in, by any means. Where it is a capture with poses (of Polycam, Record3D, a transforms.json, COLMAP), those
+    /// are taken; else COLMAP finds them
+    folder: PathBuf,
+    /// Folder for what is worked out; nothing else is written [default: .camsplat in the folder of the photos]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Let phones in the local network see the page too, by an address with a secret in it, which is printed as a QR code; they can
+    /// change nothing
+    #[arg(long)]
+    share: bool,
+    /// Port to serve the page on [default: any that is free]
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Print the address without opening a browser
+    #[arg(long)]
+    no_browser: bool,
+    /// Python with the package pycolmap, which finds poses
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    python: PathBuf,
+    #[command(flatten)]
+    region: RegionOptions,
+    #[command(flatten)]
+    viewers: ViewerOptions,
+    #[command(flatten)]
+    device: DeviceOptions,
+    /// Seed of every random number
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Folder of what is worked out, in the folder of the photos.
+const HIDDEN: &str = ".camsplat";
+/// What has the poses of captures, beside COLMAP's models; of folders the time counts at which one was added.
+const POSES: [&str; 6] = [
+    "transforms.json",
+    "transforms_train.json",
+    "metadata",
+    "keyframes/cameras",
+    "keyframes/corrected_cameras",
+    "pose",
+];
+const COLMAP: [&str; 2] = ["images.bin", "images.txt"];
+/// Between two looks at the folder.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(500);
+/// Between two looks at whether there is anything to do, or to stop.
+const SHORT: Duration = Duration::from_millis(50);
+/// Photos with a pose before there is advice.
+const FEWEST: usize = 3;
+/// Places that are shown.
+const SHOWN: usize = 5;
+/// Points of the surface at which photos are judged.
+const HELD_OUT: u32 = 1000;
+
+/// What is said of photos without a pose, where they are found and where they are given.
+const UNPLACED: &str = "could not be placed: it shows too little of what others show; take one between it and them";
+const NO_POSE: &str = "has no pose yet in the files of the capture";
+
+/// Where poses come from.
+enum Poses {
+    /// They lie beside the photos.
+    Given,
+    /// From structure from motion.
+    Found(Sfm),
+}
+
+/// One run.
+struct Watch<'a> {
+    arguments: &'a Arguments,
+    context: Arc<Context>,
+    viewers: Viewers,
+    poses: Poses,
+    board: Arc<Shared>,
+    /// The photos that are there, and how often they have changed.
+    arrived: Mutex<(u64, Vec<Arrival>)>,
+    changed: Condvar,
+    /// Where the photos lie.
+    images: PathBuf,
+}
+
+/// Watches until the user stops it.
+pub fn run(arguments: &Arguments) -> Result<Ended> {
+    let folder = &arguments.folder;
+    let kind = std::fs::metadata(folder).map_err(|source| Error::io(folder, source))?;
+    if !kind.is_dir() {
+        return Err(Error::input(folder, "this is no folder; name the one that photos arrive in"));
+    }
+    arguments.region.choice()?;
+    let viewers = arguments.viewers.viewers()?;
+    let work = arguments.out.clone().unwrap_or_else(|| folder.join(HIDDEN));
+    let poses = match io::photos::is_capture(folder) {
+        true => Poses::Given,
+        false => Poses::Found(Sfm::find(&arguments.python, &work.join("sfm"))?),
+    };
+    io::folder::make_parent(&work.join("photos.json"))?;
+    let inside = folder.join("images");
+    let images = if images_in(&inside).is_empty() { folder.clone() } else { inside };
+    close_on_interrupt()?;
+    let context = arguments.device.open()?;
+    say!("device   {}", context.physical().title());
+    match &poses {
+        Poses::Given => say!("poses    of {}, as they lie there", folder.display()),
+        Poses::Found(sfm) => say!("poses    by COLMAP (pycolmap {})", sfm.version),
+    }
+    let board = Arc::new(Shared::default());
+    let title = folder.canonicalize().unwrap_or_else(|_| folder.clone());
+    board.change(|board| board.title = title.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    let server = serve(arguments, Arc::clone(&board))?;
+    let inbox = Inbox::open(&images, &work.join("photos.json"));
+    let mut inbox = match poses {
+        Poses::Given => inbox.of_capture(folders_of_photos(folder, &images)?, files_of_poses(folder)),
+        Poses::Found(_) => inbox,
+    };
+    let (arrived, changed) = (Mutex::default(), Condvar::new());
+    let watch = Watch { arguments, context, viewers, poses, board, arrived, changed, images };
+    let session = session::current();
+    thread::scope(|scope| {
+        scope.spawn(|| session.within(|| watch.look_after(&mut inbox)));
+        scope.spawn(|| session.within(|| watch.advise_on_and_on()));
+        server.serve();
+    });
+    print_messages(&watch.context);
+    Ok(Ended::Done)
+}
+
+/// The folders that the photos of a capture lie in, by their path from `images`: others have masks, depths and the like.
+fn folders_of_photos(capture: &Path, images: &Path) -> Result<Vec<String>> {
+    let (read, _) = session::overheard(|| io::photos::read(capture, &ReadOptions::from(Images::SkipMissing)));
+    let files = read?.photos.into_iter().filter_map(|photo| photo.image);
+    let folders: BTreeSet<String> = files.filter_map(|file| below(images, file.parent()?)).collect();
+    Ok(folders.into_iter().collect())
+}
+
+/// What says where photos of a capture were taken, as far as it is there: the files of all kinds of captures.
+fn files_of_poses(capture: &Path) -> Vec<PathBuf> {
+    let files = POSES.iter().map(|name| capture.join(name));
+    files.chain(colmap::model_folder(capture).iter().flat_map(|model| COLMAP.map(|name| model.join(name)))).collect()
+}
+
+/// The path of a file from a folder, with `/` between folders.
+fn below(folder: &Path, file: &Path) -> Option<String> {
+    Some(file.strip_prefix(folder).ok()?.to_string_lossy().replace('\\', "/"))
+}
+
+/// Opens the page and says where it is.
+fn serve(arguments: &Arguments, board: Arc<Shared>) -> Result<Server> {
+    let site = move |path: &str| match path {
+        "" => Some(Ok(Served::Html(PAGE.into()))),
+        _ => Some(board.json(path.strip_prefix("board/")?.parse().ok()).map(Served::Json)),
+    };
+    let access = Access { port: arguments.port, shared: arguments.share, asks: true };
+    let server = Server::bind(access, None, Box::new(site))?;
+    let url = server.url();
+    say!("page     {url}, until Ctrl-C");
+    match server.shared_url() {
+        Some(shared) => {
+            say!("phone    {shared}: whoever has this address in your network can see the photos and change nothing");
+            if let Ok(code) = QrCode::new(&shared) {
+                say!("{}", code.render::<Dense1x2>().quiet_zone(true).build());
+            }
+        }
+        None if arguments.share => say!("note     no local network was found; the page is for this machine alone"),
+        None => {}
+    }
+    if !arguments.no_browser && open::that_detached(&url).is_err() {
+        say!("note     no browser could be opened; open the address in one");
+    }
+    Ok(server)
+}
+
+impl Watch<'_> {
+    /// Looks at the folder every now and then, and says at once which photos are of no use.
+    fn look_after(&self, inbox: &mut Inbox) {
+        // What an earlier run has seen counts as well.
+        let mut first = true;
+        while go_on().is_continue() {
+            let begun = Instant::now();
+            if inbox.scan() || std::mem::take(&mut first) {
+                let photos = inbox.photos();
+                self.show(&photos, None);
+                let mut arrived = lock(&self.arrived);
+                *arrived = (arrived.0 + 1, photos);
+                self.changed.notify_all();
+            }
+            while begun.elapsed() < BETWEEN_LOOKS && go_on().is_continue() {
+                thread::sleep(SHORT);
+            }
+        }
+        self.changed.notify_all();
+    }
+
+    /// Shows how many photos there are, and what is wrong with some; `posed` are those with a pose, where that is known.
+    fn show(&self, photos: &[Arrival], posed: Option<&BTreeSet<String>>) {
+        let lost = |photo: &Arrival| posed.is_some_and(|posed| !posed.contains(&photo.name));
+        let unplaced = match self.poses {
+            Poses::Given => NO_POSE,
+            Poses::Found(_) => UNPLACED,
+        };
+        let flaw = |photo: &Arrival| {
+            let why = photo.flaw.clone().or_else(|| lost(photo).then(|| unplaced.into()))?;
+            Some(Flaw { name: photo.name.clone(), why })
+        };
+        let flaws: Vec<Flaw> = photos.iter().rev().filter_map(flaw).collect();
+        self.board.change(|board| {
+            for flaw in flaws.iter().filter(|flaw| !board.flaws.contains(flaw)) {
+                say!("photo    {}: {}", flaw.name, flaw.why);
+            }
+            board.photos = photos.len();
+            if let Some(posed) = posed {
+                board.posed = photos.iter().filter(|photo| posed.contains(&photo.name)).count();
+            }
+            board.flaws = flaws;
+        });
+    }
+
+    /// Works out what to do next, each time that the photos have changed.
+    fn advise_on_and_on(&self) {
+        let mut done = 0;
+        while go_on().is_continue() {
+            let photos = {
+                let arrived = lock(&self.arrived);
+                let waited = self.changed.wait_timeout_while(arrived, SHORT, |arrived| arrived.0 == done);
+                let Ok((arrived, timeout)) = waited else { return };
+                if timeout.timed_out() {
+                    continue;
+                }
+                done = arrived.0;
+                arrived.1.clone()
+            };
+            let begun = Instant::now();
+            match self.step(&photos) {
+                Err(Error::Interrupted) => return,
+                Err(error) => {
+                    let line = session::current().with_options(error.to_string());
+                    say!("failed   {line}");
+                    self.board.change(|board| (board.fault, board.stage) = (Some(line), String::new()));
+                }
+                Ok(()) => {
+                    let seconds = begun.elapsed().as_secs_f64();
+                    self.board.change(|board| {
+                        board.fault = None;
+                        board.stage = format!("Up to date with {} photos, {seconds:.0} s after the last", photos.len());
+                    });
+                }
+            }
+        }
+    }
+
+    fn stage(&self, stage: &str) {
+        self.board.change(|board| board.stage = stage.into());
+    }
+
+    /// Poses, and advice, for the photos that are there.
+    fn step(&self, photos: &[Arrival]) -> Result<()> {
+        let usable: BTreeMap<String, String> =
+            photos.iter().filter(|photo| photo.flaw.is_none()).map(|p| (p.name.clone(), p.lens.clone())).collect();
+        let (set, surface) = match &self.poses {
+            Poses::Given => self.given(&usable)?,
+            Poses::Found(sfm) => {
+                if usable.len() < FEWEST {
+                    self.show(photos, Some(&BTreeSet::new()));
+                    return self.too_few(usable.len(), "Take a few more photos, each with a small step to the side");
+                }
+                self.stage(&format!("Finding out where {} photos were taken", usable.len()));
+                match self.found(sfm, &usable)? {
+                    Some(found) => found,
+                    None => {
+                        self.show(photos, Some(&BTreeSet::new()));
+                        return self
+                            .too_few(0, "No two photos show enough of the same: take smaller steps between them");
+                    }
+                }
+            }
+        };
+        let posed: BTreeSet<String> = set.photos.iter().map(|photo| photo.camera.name.clone()).collect();
+        self.show(photos, Some(&posed));
+        if set.photos.len() < FEWEST {
+            return self.too_few(set.photos.len(), "Take a few more photos, each with a small step to the side");
+        }
+        self.stage("Working out where to stand next");
+        let last =
+            photos.iter().rev().find_map(|taken| set.photos.iter().find(|photo| photo.camera.name == taken.name));
+        // There are at least three.
+        let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(()) };
+        let shown = self.advice(&set, &surface, &last)?;
+        if let Some(shown) = &shown {
+            say!("photos   {} of {} have a pose", posed.len(), photos.len());
+            say!("enough   {}: {} {}", shown.enough, shown.gain, shown.hidden);
+            for (number, place) in (1..).zip(&shown.next) {
+                say!("next {number:<4}from {}: {}", place.from, place.words);
+            }
+        }
+        self.board.change(|board| board.advice = shown);
+        Ok(())
+    }
+
+    /// Says that there are too few photos for advice.
+    fn too_few(&self, posed: usize, what: &str) -> Result<()> {
+        say!("photos   {posed} with a pose, too few for advice");
+        self.board.change(|board| (board.posed, board.advice) = (posed, None));
+        self.stage(what);
+        Ok(())
+    }
+
+    /// The capture that the folder is.
+    fn given(&self, usable: &BTreeMap<String, String>) -> Result<(PhotoSet, Surface)> {
+        let (read, _) = session::overheard(|| photographed::read(&self.arguments.folder, None, true));
+        let (surface, mut set) = read?;
+        for photo in &mut set.photos {
+            if let Some(name) = photo.image.as_deref().and_then(|file| below(&self.images, file)) {
+                photo.camera.name = name;
+            }
+        }
+        Ok((set.filtered(|photo| usable.contains_key(&photo.camera.name)), surface))
+    }
+
+    /// The capture that structure from motion makes of photos; none where it places none.
+    fn found(&self, sfm: &Sfm, usable: &BTreeMap<String, String>) -> Result<Option<(PhotoSet, Surface)>> {
+        let posed: BTreeSet<String> = sfm.pose(&self.images, usable, go_on)?.into_iter().collect();
+        if posed.is_empty() {
+            return Ok(None);
+        }
+        let (read, _) = session::overheard(|| photographed::read(&sfm.model(), None, true));
+        let (_, mut set) = read?;
+        for photo in &mut set.photos {
+            photo.image = Some(self.images.join(&photo.camera.name)).filter(|file| file.is_file());
+        }
+        let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
+        let surface = Surface::Points(set.points.clone());
+        Ok(Some((set, surface)))
+    }
+
+    /// What to do next, and how it is shown.
+    fn advice(&self, set: &PhotoSet, surface: &Surface, last: &Camera) -> Result<Option<Shown>> {
+        let Arguments { folder, region, seed, .. } = self.arguments;
+        let (target, _) = session::overheard(|| {
+            let mut of = set.clone();
+            of.path.clone_from(folder);
+            region.target_of(surface, folder, Some(&of), &last.intrinsics, None)
+        });
+        let target = target?;
+        let preset = region.preset.unwrap_or_else(|| target.preset());
+        let config =
+            Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..Config::new(preset, MORE) };
+        config.validate()?;
+        let cameras = set.cameras();
+        let advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
+        let mut next = advice.further.clone();
+        let distance = |camera: &Camera| camera.pose.position.distance(last.pose.position);
+        next.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        next.truncate(SHOWN);
+        Shown::new(&advice, &next, set, &target.region)
+    }
+}

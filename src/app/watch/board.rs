@@ -1,0 +1,179 @@
+//! What the photographer sees: how far the capture is, what is wrong with photos, and where to stand next.
+
+use std::sync::{Mutex, PoisonError};
+
+use serde::Serialize;
+
+use crate::app::report::pictures::jpeg_url;
+use crate::app::report::shot_map::{self, Dot, Places};
+use crate::app::report::shots::Shots;
+use crate::files::photos::PhotoSet;
+use crate::planner::plan::enough::{Advice, Enough};
+use crate::planner::quality::map::colour_of;
+use crate::scene::camera::Camera;
+use crate::scene::region::Region;
+use crate::{Error, Result};
+
+/// Fill of what no photo shows; the page defines it.
+const UNSEEN: &str = "url(#unseen)";
+
+/// How far the capture is.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Board {
+    /// Rises with each change.
+    version: u64,
+    /// Name of the folder.
+    pub title: String,
+    /// What is being done.
+    pub stage: String,
+    /// Photos in the folder.
+    pub photos: usize,
+    /// Of these, photos that have a pose.
+    pub posed: usize,
+    /// Photos of no use, with the reason, the last one first.
+    pub flaws: Vec<Flaw>,
+    /// What went wrong, where something did.
+    pub fault: Option<String>,
+    /// What to do next; none before there is any.
+    pub advice: Option<Shown>,
+}
+
+/// A photo of no use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Flaw {
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub why: String,
+}
+
+/// Advice as it is shown.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shown {
+    /// Photos that it is about.
+    pub photos: usize,
+    /// "yes", "nearly" or "not yet".
+    pub enough: &'static str,
+    /// What further photos are expected to gain, in words.
+    pub gain: String,
+    /// What no photo shows, in words.
+    pub hidden: String,
+    /// Decibels that further photos are expected to gain, and the standard deviation of that.
+    pub gain_db: f64,
+    /// See `gain_db`.
+    pub gain_sd_db: f64,
+    /// Share of what viewers look at that no photo shows.
+    pub unseen: f64,
+    /// Weak parts, in words.
+    pub weak: Vec<String>,
+    /// What lengths are said in.
+    pub unit: String,
+    /// Where to stand next, the nearest first.
+    pub next: Vec<Place>,
+    /// The scene from above, as SVG.
+    pub map: String,
+}
+
+/// A place to take a photo from.
+#[derive(Clone, Debug, Serialize)]
+pub struct Place {
+    /// The photo to start from.
+    pub from: String,
+    /// How to get there.
+    pub words: String,
+    /// What the photo should show, as a data URL.
+    pub picture: String,
+    /// Whether most of that is in no photo yet.
+    pub new: bool,
+    /// The photo to start from, as a data URL.
+    pub start: String,
+}
+
+/// Part of a picture that is new from which on that is said.
+const MOSTLY: f64 = 0.5;
+
+impl Shown {
+    /// Of advice on `photos`; `next` are those of its places that are shown, in their order. None where no photo has an image.
+    ///
+    /// # Errors
+    /// Where an image cannot be read.
+    pub fn new(advice: &Advice, next: &[Camera], photos: &PhotoSet, region: &Region) -> Result<Option<Self>> {
+        let kept = photos.cameras();
+        let all: Vec<Camera> = next.iter().chain(&kept).cloned().collect();
+        let Some(shots) = Shots::new(&all, kept.len(), region, photos)? else { return Ok(None) };
+        let places = shots.list.shots.iter().enumerate().map(|(i, shot)| Place {
+            from: shot.way.from.clone(),
+            words: shot.way.words.clone(),
+            picture: jpeg_url(&shots.pictures[i]),
+            new: shot.unseen > MOSTLY,
+            start: shots.start(i).map(jpeg_url).unwrap_or_default(),
+        });
+        let fill = |(error, unseen): (&f32, &bool)| match unseen {
+            true => UNSEEN.into(),
+            false => {
+                let [r, g, b] = colour_of(f64::from(*error));
+                format!("#{r:02x}{g:02x}{b:02x}")
+            }
+        };
+        let fills = advice.errors.iter().zip(&advice.unseen).map(fill);
+        let dots: Vec<Dot> =
+            advice.points.iter().zip(fills).map(|(position, fill)| Dot { position: *position, fill }).collect();
+        let map = shot_map::svg(&Places { planned: next, kept: &kept, up: region.up }, &dots, &[], &shots.unit);
+        let Enough { more, gain_db, gain_sd_db, unseen, .. } = advice.enough;
+        Ok(Some(Self {
+            photos: kept.len(),
+            enough: advice.enough.answer(),
+            gain: format!(
+                "The {more} photos that help most would gain about {:.1} ± {gain_sd_db:.1} dB.",
+                gain_db.max(0.0)
+            ),
+            hidden: format!("{:.0}% of what people will look at is in no photo.", 100.0 * unseen),
+            gain_db,
+            gain_sd_db,
+            unseen,
+            weak: advice.enough.weak.iter().map(|weak| weak.line()).collect(),
+            unit: shots.list.unit.clone(),
+            next: places.collect(),
+            map,
+        }))
+    }
+}
+
+/// A board that several threads write and read.
+#[derive(Default)]
+pub struct Shared(Mutex<Board>);
+
+impl Shared {
+    /// Changes what is shown.
+    pub fn change(&self, change: impl FnOnce(&mut Board)) {
+        // What one thread left half changed is shown until the next change.
+        let mut board = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        change(&mut board);
+        board.version += 1;
+    }
+
+    /// The board as JSON, or its version alone for who has that already.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn json(&self, had: Option<u64>) -> Result<String> {
+        let board = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = match had == Some(board.version) {
+            true => serde_json::to_string(&serde_json::json!({ "version": board.version })),
+            false => serde_json::to_string(&*board),
+        };
+        text.map_err(|e| Error::request(format!("the page's data cannot be written: {e}")))
+    }
+}
+
+/// The page, which asks for the board every second or two.
+pub const PAGE: &str = concat!(
+    include_str!("head.html"),
+    "<style>",
+    include_str!("page.css"),
+    "</style>",
+    include_str!("body.html"),
+    "<script>",
+    include_str!("page.js"),
+    "</script>\n"
+);

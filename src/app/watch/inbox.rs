@@ -1,0 +1,276 @@
+//! Photos as they arrive in a folder: which are whole, and which are of no use.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use exif::{In, Tag};
+use serde::{Deserialize, Serialize};
+
+use crate::engine::parallel::mapped;
+use crate::files::io::folder::write_files;
+use crate::files::io::photos::files::images_in;
+use crate::files::photos::decode;
+use crate::photogrammetry::frames::by_number;
+use crate::photogrammetry::frames::choice::DUPLICATE;
+use crate::photogrammetry::frames::grey::Grey;
+use crate::photogrammetry::frames::motion::{self, Pyramid};
+use crate::photogrammetry::frames::sharpness;
+
+/// Photos before it that a photo may be a duplicate of.
+const BEFORE: usize = 10;
+/// Part of the median sharpness below which a photo is blurred, of at least so many photos.
+const BLURRED: f64 = 0.45;
+const ENOUGH: usize = 4;
+/// Grey value that a twentieth of a photo must reach not to be dark.
+const DARK: u8 = 45;
+
+/// When and how large a file was written, by which a photo is known again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+struct Stamp {
+    /// Milliseconds since 1970.
+    written: u64,
+    bytes: u64,
+}
+
+/// What a look at a photo found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Look {
+    /// Why it cannot be decoded.
+    fault: Option<String>,
+    /// See [`sharpness::of`].
+    sharpness: f64,
+    /// Grey value that a twentieth of it reaches.
+    light: u8,
+    /// Size, model of the camera and focal length: photos of which these agree have a lens in common.
+    lens: String,
+    /// The photo before it that shows the same from the same place.
+    alike: Option<String>,
+}
+
+/// A photo in the folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Entry {
+    stamp: Stamp,
+    look: Option<Look>,
+}
+
+/// A photo that has been looked at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arrival {
+    /// Path below the folder, with `/` between folders.
+    pub name: String,
+    /// See [`Inbox::photos`]: the same for photos of one lens.
+    pub lens: String,
+    /// Why it is of no use; none where it is.
+    pub flaw: Option<String>,
+}
+
+/// The photos of a folder.
+pub struct Inbox {
+    folder: PathBuf,
+    /// Folders in it that have photos, by their path from there; none for all.
+    only: Option<Vec<String>>,
+    /// Files and folders beside the photos that say where these were taken, and when they were written.
+    poses: BTreeMap<PathBuf, Option<Stamp>>,
+    /// Where looks are kept for the next start.
+    kept: PathBuf,
+    entries: BTreeMap<String, Entry>,
+    /// The last photos, small, for those that come next.
+    recent: VecDeque<(String, Pyramid)>,
+}
+
+impl Inbox {
+    /// Of a folder, hidden folders in it apart; what an earlier run found is taken from the file `kept`, where it is there, and goes there.
+    pub fn open(folder: &Path, kept: &Path) -> Self {
+        let entries = fs::read(kept).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+        let (folder, kept) = (folder.to_owned(), kept.to_owned());
+        Self { folder, only: None, poses: BTreeMap::new(), kept, entries, recent: VecDeque::new() }
+    }
+
+    /// With photos in these folders alone, and files and folders beside them in which a change counts as one of the photos.
+    pub fn of_capture(self, only: Vec<String>, poses: Vec<PathBuf>) -> Self {
+        Self { only: Some(only), poses: poses.into_iter().map(|path| (path, None)).collect(), ..self }
+    }
+
+    /// Looks for photos that are new, changed or gone, and for new poses; whether there are any. A new photo is looked at once it has not
+    /// grown since the last call.
+    pub fn scan(&mut self) -> bool {
+        let (mut fresh, mut waiting, mut moved) = (Vec::new(), false, false);
+        for (path, before) in &mut self.poses {
+            let now = stamp(path);
+            moved |= *before != now;
+            *before = now;
+        }
+        let folder = |name: &str| name.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned());
+        let counts = |name: &String| match &self.only {
+            Some(only) => only.contains(&folder(name)),
+            None => !name.split('/').any(|part| part.starts_with('.')),
+        };
+        let mut found = BTreeMap::new();
+        for name in images_in(&self.folder).into_iter().filter(counts) {
+            // It may have gone since it was listed.
+            let Some(stamp) = stamp(&self.folder.join(&name)) else { continue };
+            let before = self.entries.remove(&name).filter(|entry| entry.stamp == stamp);
+            match before {
+                Some(Entry { look: None, .. }) => fresh.push(name.clone()),
+                Some(_) => {}
+                None => waiting = true,
+            }
+            found.insert(name, before.unwrap_or(Entry { stamp, look: None }));
+        }
+        let gone = !std::mem::replace(&mut self.entries, found).is_empty();
+        fresh.sort_by(|a, b| self.order(a, b));
+        self.look_at(&fresh);
+        let changed = gone || moved || !fresh.is_empty();
+        if changed || waiting {
+            self.keep();
+        }
+        changed
+    }
+
+    /// The photos that have been looked at, in the order in which they were taken.
+    pub fn photos(&self) -> Vec<Arrival> {
+        let mut names: Vec<&String> =
+            self.entries.iter().filter(|(_, entry)| entry.look.is_some()).map(|(name, _)| name).collect();
+        names.sort_by(|a, b| self.order(a, b));
+        let looks = || names.iter().filter_map(|name| Some((*name, self.entries[*name].look.as_ref()?)));
+        let mut sharp: Vec<f64> =
+            looks().filter(|(_, look)| look.fault.is_none()).map(|(_, look)| look.sharpness).collect();
+        sharp.sort_by(f64::total_cmp);
+        let median = if sharp.len() < ENOUGH { 0.0 } else { sharp[sharp.len() / 2] };
+        let flaw = |look: &Look| match look {
+            Look { fault: Some(fault), .. } => Some(format!("cannot be read: {fault}")),
+            Look { light, .. } if *light < DARK => Some("too dark: find more light, or expose longer".into()),
+            Look { sharpness, .. } if *sharpness < BLURRED * median => {
+                Some("blurred: hold still, and take it again".into())
+            }
+            Look { alike: Some(other), .. } if self.entries.contains_key(other) => {
+                Some(format!("shows the same as {other}: move before the next one"))
+            }
+            _ => None,
+        };
+        looks().map(|(name, look)| Arrival { name: name.clone(), lens: look.lens.clone(), flaw: flaw(look) }).collect()
+    }
+
+    /// By when they were written, and by the numbers in their names.
+    fn order(&self, a: &str, b: &str) -> std::cmp::Ordering {
+        let written = |name: &str| self.entries.get(name).map(|entry| entry.stamp.written);
+        written(a).cmp(&written(b)).then_with(|| by_number(a, b))
+    }
+
+    fn look_at(&mut self, names: &[String]) {
+        let seen = mapped(names, |_, name| look(&self.folder.join(name)));
+        for (name, (mut look, pyramid)) in names.iter().zip(seen) {
+            if let Some(pyramid) = pyramid {
+                let same = |(_, other): &&(String, Pyramid)| {
+                    motion::between(other, &pyramid).is_some_and(|motion| motion < DUPLICATE)
+                };
+                look.alike = self.recent.iter().rev().find(same).map(|(name, _)| name.clone());
+                if look.alike.is_none() {
+                    self.recent.push_back((name.clone(), pyramid));
+                }
+                if self.recent.len() > BEFORE {
+                    self.recent.pop_front();
+                }
+            }
+            if let Some(entry) = self.entries.get_mut(name) {
+                entry.look = Some(look);
+            }
+        }
+    }
+
+    /// Writes what is known. Where that fails photos are looked at again after the next start, and nothing else is lost.
+    fn keep(&self) {
+        if let Ok(text) = serde_json::to_string(&self.entries) {
+            let _ = write_files(&[(&self.kept, text.as_bytes())]);
+        }
+    }
+}
+
+fn stamp(file: &Path) -> Option<Stamp> {
+    let metadata = fs::metadata(file).ok()?;
+    let written = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?.as_millis() as u64;
+    Some(Stamp { written, bytes: metadata.len() })
+}
+
+/// A look at a photo, and the photo small where it can be decoded.
+fn look(file: &Path) -> (Look, Option<Pyramid>) {
+    let image = match decode::encoded(file, [0; 3]) {
+        Ok(image) => image,
+        Err(error) => {
+            let fault = Some(error.to_string().replace(&format!("{}: ", file.display()), ""));
+            return (Look { fault, sharpness: 0.0, light: 0, lens: String::new(), alike: None }, None);
+        }
+    };
+    let grey = Grey::of_colours(image.width as usize, image.height as usize, &image.pixels).within(sharpness::SIDE);
+    let mut values = grey.values.clone();
+    let brightest = values.len() - 1 - values.len() / 20;
+    let light = *values.select_nth_unstable(brightest).1;
+    let lens = format!("{} x {}{}", image.width, image.height, made_with(file).unwrap_or_default());
+    let look = Look { fault: None, sharpness: sharpness::of(&grey), light, lens, alike: None };
+    (look, Some(Pyramid::new(&grey)))
+}
+
+/// Model of the camera and focal length, where the photo says them.
+fn made_with(file: &Path) -> Option<String> {
+    let exif = exif::Reader::new().read_from_container(&mut BufReader::new(File::open(file).ok()?)).ok()?;
+    let field = |tag| exif.get_field(tag, In::PRIMARY).map(|field| format!(", {}", field.display_value()));
+    Some([Tag::Model, Tag::FocalLength].into_iter().filter_map(field).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+    use crate::scene::random;
+
+    /// A picture of tiles in different greys, moved to the right, blurred over so many pixels, and darkened.
+    fn picture(shift: u32, blur: u32, light: f64) -> RgbImage {
+        let value = |x: u32, y: u32| 255.0 * random::uniforms(3, (x + shift) / 6, y / 6)[0];
+        RgbImage::from_fn(320, 240, |x, y| {
+            let sum: f64 = (0..=blur).map(|k| value(x + k, y)).sum();
+            Rgb([(light * sum / f64::from(blur + 1)) as u8; 3])
+        })
+    }
+
+    /// If this failed, a photographer would walk on with photos that are of no use, or be sent back for those that are.
+    #[test]
+    fn photos_of_no_use_are_named_with_the_reason() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        let mut inbox = Inbox::open(place.path(), &at(".camsplat/photos.json"));
+        assert!(!inbox.scan() && inbox.photos().is_empty());
+        for (name, shift, blur, light) in [
+            ("a.png", 0, 0, 1.0),
+            ("b.png", 37, 0, 1.0),
+            ("c.png", 74, 0, 1.0),
+            ("d.png", 110, 24, 1.0),
+            ("e.png", 150, 0, 0.1),
+            ("f.png", 74, 0, 1.0),
+            ("g.png", 190, 0, 1.0),
+        ] {
+            picture(shift, blur, light).save(at(name)).unwrap();
+        }
+        fs::write(at("h.png"), "no picture").unwrap();
+        fs::write(at("notes.txt"), "no picture either").unwrap();
+        assert!(!inbox.scan(), "photos that may still be growing were looked at");
+        assert!(inbox.scan() && !inbox.scan());
+        let flaws: BTreeMap<String, String> =
+            inbox.photos().into_iter().filter_map(|photo| Some((photo.name, photo.flaw?))).collect();
+        let begins = |name: &str| flaws[name].split([':', ' ']).next().unwrap_or_default().to_owned();
+        assert_eq!(flaws.keys().collect::<Vec<_>>(), ["d.png", "e.png", "f.png", "h.png"], "{flaws:?}");
+        assert_eq!(["d.png", "e.png", "f.png", "h.png"].map(begins), ["blurred", "too", "shows", "cannot"]);
+        assert!(flaws["f.png"].contains("c.png"), "{flaws:?}");
+        // After another start nothing is looked at again, and what is gone is gone; of a duplicate's twin, too.
+        let mut again = Inbox::open(place.path(), &at(".camsplat/photos.json"));
+        assert!(!again.scan() && again.photos() == inbox.photos());
+        fs::remove_file(at("c.png")).unwrap();
+        assert!(again.scan());
+        let left = again.photos();
+        assert!(left.len() == 7 && left.iter().all(|photo| photo.name != "f.png" || photo.flaw.is_none()), "{left:?}");
+    }
+}

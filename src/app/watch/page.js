@@ -1,0 +1,66 @@
+"use strict";
+// Asks for the board every 1.5 seconds; what is shown stays where there is no answer.
+const BETWEEN = 1500, PATIENCE = 8000;
+const ANSWERS = { yes: "Enough", nearly: "Nearly enough", "not yet": "Not yet enough" };
+let version = -1;
+
+const element = (id) => document.getElementById(id);
+const made = (tag, properties, ...children) => {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children);
+  return node;
+};
+const say = (id, text) => {
+  element(id).textContent = text;
+  element(id).hidden = !text;
+};
+
+function place(item, number) {
+  const shown = (source, label) =>
+    made("figure", {}, made("img", { src: source, alt: label }), made("figcaption", { textContent: label }));
+  return made("li", {},
+    made("p", { className: "way" }, made("span", { className: "number", textContent: number }), item.words),
+    made("p", { className: "from", textContent: `from ${item.from}${item.new ? "; most of this is new: grey is in no photo nearby" : ""}` }),
+    made("div", { className: "pair" }, shown(item.picture, "what the photo should show"), shown(item.start, "start here")));
+}
+
+function draw(board) {
+  document.title = `${board.title} – camsplat watch`;
+  const advice = board.advice;
+  element("top").className = advice ? advice.enough.replace(" ", "-") : "";
+  say("answer", advice ? ANSWERS[advice.enough] || advice.enough : "Take photos");
+  say("because", advice ? `${advice.gain} ${advice.hidden}` : "");
+  say("count", board.photos ? `${board.photos} photos, ${board.posed} placed` : "No photos yet");
+  say("stage", board.stage);
+  say("fault", board.fault || "");
+  element("flaws").hidden = board.flaws.length === 0;
+  element("flaws").replaceChildren(
+    ...board.flaws.map((flaw) => made("li", {}, made("b", { textContent: flaw.name }), ` ${flaw.why}`)));
+  element("next").hidden = element("above").hidden = !advice;
+  if (!advice) return;
+  element("places").replaceChildren(...advice.next.map((item, i) => place(item, i + 1)));
+  // Made by camsplat, with every name in it escaped.
+  element("map").innerHTML = advice.map;
+  element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
+  say("unit", `Lengths are in ${advice.unit}.`);
+}
+
+async function ask() {
+  let lost = true;
+  try {
+    const answer = await fetch(`board/${version}`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) });
+    if (answer.ok) {
+      const board = await answer.json();
+      lost = false;
+      if (board.version !== version) {
+        version = board.version;
+        draw(board);
+      }
+    }
+  } catch {
+    // The next one may get through.
+  }
+  element("lost").hidden = !lost;
+  setTimeout(ask, BETWEEN);
+}
+ask();

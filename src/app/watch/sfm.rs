@@ -1,0 +1,121 @@
+//! Poses of photos by structure from motion: COLMAP, as the Python package `pycolmap` has it.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use crate::{Error, Result};
+
+/// What runs in Python.
+const SCRIPT: &str = include_str!("register.py");
+/// Between two looks at whether it has ended or is to be stopped.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(20);
+/// Characters of what it complains of that are kept.
+const COMPLAINT: usize = 300;
+
+/// Structure from motion that goes on from photo to photo.
+pub struct Sfm {
+    python: PathBuf,
+    /// Folder of its database and model.
+    work: PathBuf,
+    /// Version of COLMAP.
+    pub version: String,
+}
+
+#[derive(Deserialize)]
+struct Answer {
+    posed: Vec<String>,
+}
+
+impl Sfm {
+    /// With the Python program at `python`, keeping what it has in the folder `work`.
+    ///
+    /// # Errors
+    /// Where there is no such program, or it has no `pycolmap`.
+    pub fn find(python: &Path, work: &Path) -> Result<Self> {
+        let missing = |what: &str| {
+            Error::request(format!(
+                "{} {what}: poses of photos need it; `pip install pycolmap`, and name that Python with `python`; or give a folder with poses",
+                python.display()
+            ))
+        };
+        let asked = Command::new(python).args(["-c", "import pycolmap; print(pycolmap.__version__)"]).output();
+        let output = asked.map_err(|e| missing(&format!("cannot be run ({e})")))?;
+        let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        if !output.status.success() || version.is_empty() {
+            return Err(missing("has no pycolmap"));
+        }
+        Ok(Self { python: python.to_owned(), work: work.to_owned(), version })
+    }
+
+    /// Where the model is.
+    pub fn model(&self) -> PathBuf {
+        self.work.join("sparse").join("0")
+    }
+
+    /// Finds poses of photos below `images`, given by name with their lenses, and returns the names of those that have one. What an earlier
+    /// call found is where it begins.
+    ///
+    /// # Errors
+    /// Where it fails, and [`Error::Interrupted`] where `go_on` stops it.
+    pub fn pose(
+        &self,
+        images: &Path,
+        lenses: &BTreeMap<String, String>,
+        mut go_on: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Vec<String>> {
+        let failed = |what: &str| Error::request(format!("pycolmap {} failed: {what}", self.version));
+        let request = serde_json::json!({ "images": images, "work": self.work, "lenses": lenses }).to_string();
+        let mut child = Command::new(&self.python)
+            .args(["-c", SCRIPT])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|e| failed(&e.to_string()))?;
+        let (input, output, complaints) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        // Both ends are drained while it runs: it would wait on a pipe that is full.
+        let drained = |pipe: Option<Box<dyn Read + Send>>| {
+            thread::spawn(move || {
+                let mut bytes = Vec::new();
+                if let Some(mut pipe) = pipe {
+                    let _ = pipe.read_to_end(&mut bytes);
+                }
+                String::from_utf8_lossy(&bytes).into_owned()
+            })
+        };
+        let printed = drained(output.map(|pipe| Box::new(pipe) as Box<dyn Read + Send>));
+        let complained = drained(complaints.map(|pipe| Box::new(pipe) as Box<dyn Read + Send>));
+        if let Some(mut input) = input {
+            // Where it has ended already, its complaint says why.
+            let _ = input.write_all(request.as_bytes());
+        }
+        let status = loop {
+            if let Some(status) = child.try_wait().map_err(|e| failed(&e.to_string()))? {
+                break status;
+            }
+            if go_on().is_break() {
+                let _ = child.kill();
+                let _ = child.wait();
+                return Err(Error::Interrupted);
+            }
+            thread::sleep(BETWEEN_LOOKS);
+        };
+        let (printed, complained) = (printed.join().unwrap_or_default(), complained.join().unwrap_or_default());
+        let last = |text: &str| text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_owned);
+        let answer = last(&printed).and_then(|line| serde_json::from_str::<Answer>(&line).ok());
+        match answer.filter(|_| status.success()) {
+            Some(answer) => Ok(answer.posed),
+            None => {
+                let why = last(&complained).unwrap_or_else(|| status.to_string());
+                Err(failed(&why.chars().take(COMPLAINT).collect::<String>()))
+            }
+        }
+    }
+}
