@@ -32,7 +32,8 @@ fn advice_follows_the_photos_as_they_come_and_go() {
     let place = Place::new();
     capture_wall(&place.path("wall"), &row("png")[..5], false);
     capture_wall(&place.path("more"), &row("png")[..8], false);
-    let mut served = Served::begun(&place, "watch wall", "page ");
+    // In one and the same region: what viewers see of a larger one is more.
+    let mut served = Served::begun(&place, "watch wall --box=-4,-6,0.4,4,-2,3", "page ");
     served.until("photos   5 of 5 have a pose");
     served.until("next 5");
     let first = board(&served);

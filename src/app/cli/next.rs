@@ -107,8 +107,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let cameras = photos.cameras();
     let last = last(path, &cameras, arguments.from.as_deref())?;
     let file = arguments.surface.as_ref().unwrap_or(path);
-    let target = arguments.region.target_of(&surface, file, Some(&photos), &last.intrinsics, None)?;
-    let preset = arguments.region.preset.unwrap_or_else(|| target.preset());
+    let region = arguments.region.clone().explored();
+    let target = region.target_of(&surface, file, Some(&photos), &last.intrinsics, None)?;
+    let preset = region.preset.unwrap_or_else(|| target.preset());
     let plain = Config::new(preset, arguments.views);
     let config = Config { seed: arguments.seed, held_out: HELD_OUT, viewers, ..plain };
     config.validate()?;

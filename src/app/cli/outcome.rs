@@ -1,7 +1,9 @@
-//! What the terminal shows of a plan.
+//! What the terminal shows of a plan, and of what it is for.
 
 use crate::planner::metrics::Metrics;
 use crate::planner::plan::pipeline::Plan;
+use crate::planner::plan::record::SurfaceRecord;
+use crate::planner::plan::target::Target;
 use crate::scene::region::Shape;
 
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
@@ -85,4 +87,40 @@ pub fn table(rows: &[(&str, &Metrics)]) -> String {
         );
     }
     text + LEGEND
+}
+
+/// Prints a surface and its region.
+pub fn print_target(target: &Target) {
+    let SurfaceRecord { path, kind, primitives, min, max, .. } = &target.record;
+    say!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
+    if target.proxy.dropped + target.proxy.thinned > 0 {
+        say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
+    }
+    if target.proxy.stray > 0 {
+        say!("         {} far away from all others, left aside", target.proxy.stray);
+    }
+    let assumed = target.proxy.assumed;
+    if assumed > 0 {
+        say!("         {assumed} more stand for surroundings that no point shows");
+    }
+    let buried = target.proxy.buried.iter().filter(|buried| **buried).count() - assumed;
+    if target.record.subject.is_some() {
+        let (centre, radius) = target.proxy.sphere;
+        say!(
+            "subject  {} {kind} within {radius:.3} of {centre:.3}; the other {buried} block rays and are not planned for",
+            primitives - buried
+        );
+    } else if buried > 0 {
+        say!("         {buried} buried under others: they block rays and are not planned for");
+    }
+    let region = &target.region;
+    let shape = match region.shape {
+        Shape::Shell { centre, r_min, r_max } => format!("shell around {centre:.3}, radii {r_min:.3} to {r_max:.3}"),
+        Shape::Box { min, max } => format!("box from {min:.3} to {max:.3}"),
+    };
+    let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
+    say!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
+    for limit in target.limits.lines() {
+        say!("         {limit}");
+    }
 }

@@ -6,6 +6,7 @@ use clap::Args;
 use glam::DVec3;
 
 use super::options::{numbers, read_surface};
+use super::outcome::print_target;
 use super::place;
 use super::subject::{SubjectOption, parse_subject, subject_of};
 use crate::files::io;
@@ -13,7 +14,6 @@ use crate::files::io::areas::is_areas;
 use crate::files::io::volume::{read_space, read_volume};
 use crate::files::photos::PhotoSet;
 use crate::planner::plan::config::Preset;
-use crate::planner::plan::record::SurfaceRecord;
 use crate::planner::plan::target::{RegionChoice, Target};
 use crate::scene::camera::{Intrinsics, Pose};
 use crate::scene::known::KnownSpace;
@@ -52,7 +52,7 @@ pub struct RegionOptions {
     pub limits: LimitOptions,
     /// Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`,
     /// wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json
-    /// [default: known for captures, else open]
+    /// [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]
     #[arg(long, value_name = "SPACE", value_parser = parse_space)]
     pub space: Option<SpaceOption>,
     /// How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing
@@ -230,6 +230,15 @@ impl RegionOptions {
         self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
     }
 
+    /// With space that is open unless the options say otherwise: photos that stand near each other prove little of it, and advice that
+    /// keeps to that never leads around anything.
+    pub fn explored(mut self) -> Self {
+        if self.space.is_none() && self.reach.is_none() {
+            self.space = Some(SpaceOption::Open);
+        }
+        self
+    }
+
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from
     /// an earlier plan, where there is one.
     pub fn target(&self, path: &Path, intrinsics: &Intrinsics, stored: Option<Stored>) -> Result<Target> {
@@ -281,12 +290,13 @@ impl RegionOptions {
         limits.space = self.space(surface, path, capture, up, stored.is_some(), limits.space.take())?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
-            if let (None, None, Some(space)) = (choice.shape, self.preset, &limits.space) {
+            let looks_about = choice.shape.is_none() && self.preset.is_none() && photographed.len() > 1;
+            if looks_about && (limits.space.is_some() || self.space == Some(SpaceOption::Open)) {
                 say!(
                     "region   around the photos, which look at no one thing: planned as a room (--preset object plans around the surface)"
                 );
-                let (min, max) = space.bounds();
-                (preset, choice.shape) = (Preset::Room, Some(Shape::Box { min, max }));
+                let (bounds, room) = (limits.space.as_ref().map(KnownSpace::bounds), Preset::Room);
+                (preset, choice.shape) = (room, bounds.map(|(min, max)| Shape::Box { min, max }));
             }
         }
         if let Some(asked) = &self.subject {
@@ -421,42 +431,6 @@ pub fn box_of(numbers: &[f64]) -> Result<Shape> {
 
 fn count(option: &str, form: &str, wanted: usize, given: usize) -> Error {
     Error::request(format!("{option} takes {wanted} numbers {form}, not {given}"))
-}
-
-/// Prints a surface and its region.
-pub fn print_target(target: &Target) {
-    let SurfaceRecord { path, kind, primitives, min, max, .. } = &target.record;
-    say!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
-    if target.proxy.dropped + target.proxy.thinned > 0 {
-        say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
-    }
-    if target.proxy.stray > 0 {
-        say!("         {} far away from all others, left aside", target.proxy.stray);
-    }
-    let assumed = target.proxy.assumed;
-    if assumed > 0 {
-        say!("         {assumed} more stand for surroundings that no point shows");
-    }
-    let buried = target.proxy.buried.iter().filter(|buried| **buried).count() - assumed;
-    if target.record.subject.is_some() {
-        let (centre, radius) = target.proxy.sphere;
-        say!(
-            "subject  {} {kind} within {radius:.3} of {centre:.3}; the other {buried} block rays and are not planned for",
-            primitives - buried
-        );
-    } else if buried > 0 {
-        say!("         {buried} buried under others: they block rays and are not planned for");
-    }
-    let region = &target.region;
-    let shape = match region.shape {
-        Shape::Shell { centre, r_min, r_max } => format!("shell around {centre:.3}, radii {r_min:.3} to {r_max:.3}"),
-        Shape::Box { min, max } => format!("box from {min:.3} to {max:.3}"),
-    };
-    let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
-    say!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
-    for limit in target.limits.lines() {
-        say!("         {limit}");
-    }
 }
 
 /// Up where neither the user nor photos name it: +y in glTF, by its standard; in OBJ, which both kinds of programs write, as its ground

@@ -371,6 +371,7 @@ impl Watch<'_> {
     /// What to do next, and how it is shown.
     fn advice(&self, set: &PhotoSet, surface: &Surface, last: &Camera) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
+        let region = region.clone().explored();
         let (target, _) = session::overheard(|| {
             let mut of = set.clone();
             of.path.clone_from(folder);

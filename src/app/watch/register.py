@@ -12,9 +12,9 @@ import sys
 
 import pycolmap
 
-# Photos that are left without a pose, as a share, from which on all are posed anew, and how many times as many as at the last time there must be.
+# All are posed anew where more than a share of them has no pose, and there are so many times as many as at the last time.
 LEFT, GROWN = 0.2, 1.5
-# Longest side of a photo in pixels in which features are looked for.
+# Longest side, in pixels, of photos in which features are looked for.
 SIDE = 1600
 
 
