@@ -44,12 +44,13 @@ fn the_command_reference_is_what_the_program_says_of_itself() {
 }
 
 /// Functions of the Python package that take the options of a command, and what they have of these by other names or do without.
-const TYPED: [(&str, &[&str]); 5] = [
+const TYPED: [(&str, &[&str]); 6] = [
     ("plan", &["views", "curve", "out", "dry-run"]),
     ("score", &["json"]),
     ("select", &["count", "out"]),
     ("train", &["out", "dry-run"]),
     ("evaluate", &["out", "prepare"]),
+    ("next", &["views", "from", "json", "surface"]),
 ];
 
 /// The type of an option in Python.

@@ -19,6 +19,7 @@ from ._camsplat import Error, __version__
 from ._command import command
 from ._photos import Evaluation, Rendering, Selection, Training, evaluate, render, select, train
 from ._plan import Plan, QualityCurve, Score, plan, quality_curve, score
+from ._session import Session
 
 __all__ = [
     "Cameras",
@@ -29,6 +30,7 @@ __all__ = [
     "Rendering",
     "Score",
     "Selection",
+    "Session",
     "Training",
     "__version__",
     "command",

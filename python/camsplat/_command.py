@@ -22,8 +22,9 @@ _FUNCTIONS = {
     "select": _options.SelectOptions,
     "train": _options.TrainOptions,
     "evaluate": _options.EvaluateOptions,
+    "next": _options.NextOptions,
 }
-"""Commands that are functions, and their options."""
+"""Commands that are functions, or a class, and their options."""
 
 _FLAGS = {
     name
@@ -89,7 +90,7 @@ def in_python(message: str, name: str) -> str:
     >>> in_python("plan: there is something here already; give --force, or --max-splats 9; see --help", "plan")
     'plan: there is something here already; give force=True, or max_splats 9; see help(camsplat.plan)'
     """
-    help_of = f"help(camsplat.{name})" if name in _FUNCTIONS else f"`camsplat {name} --help`"
+    help_of = f"help(camsplat.{'Session' if name == 'next' else name})" if name in _FUNCTIONS else f"`camsplat {name} --help`"
     message, is_helpless = message.removesuffix("; see --help"), message.endswith("; see --help")
 
     def keyword(option: re.Match[str]) -> str:

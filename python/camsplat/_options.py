@@ -56,7 +56,7 @@ class PlanOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -237,7 +237,7 @@ class ScoreOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -313,7 +313,7 @@ class SelectOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -592,3 +592,64 @@ class EvaluateOptions(TypedDict, total=False):
 
     debug_sync: bool
     """Wait after every stage, so that a device-lost error names the stage that failed; no effect while stages are timed"""
+
+
+class NextOptions(TypedDict, total=False):
+    """Options of `camsplat next`."""
+
+    preset: Literal["object", "room"]
+    """Kind of scene: an object seen from around it, or a room seen from inside [default: room with --box, else object]"""
+
+    shell: Numbers
+    """Region of the cameras between two spheres: centre and radii CX,CY,CZ,RMIN,RMAX"""
+
+    box: Numbers
+    """Region of the cameras in a box: corners X0,Y0,Z0,X1,Y1,Z1"""
+
+    floor: Union[float, str]
+    """Cameras stay at or above this height along --up; `auto` finds what an object stands on below all photos of a capture, `none` is no floor"""
+
+    up: str
+    """Up direction: x, -x, +y, ... [default: the photos' own for captures, +y for glTF, as the ground of an OBJ shows it, else +z]"""
+
+    clearance: float
+    """Minimum distance between cameras and the surface [default: a twentieth of the object's radius or of the room's smallest side]"""
+
+    keep_out: Union[File, Sequence[File]]
+    """Keep cameras and viewers out of a volume, which itself blocks no view: a closed mesh (.obj, .glb, .gltf, .ply), boxes, .json with {"boxes": [[X0,Y0,Z0,X1,Y1,Z1], ...]}, or, at all heights, polygons of GeoJSON or KML (needs --geo); repeatable"""
+
+    wall: Union[Numbers, Sequence[Numbers]]
+    """Keep cameras and viewers on one side of a plane, given by a point and the direction to the free side; repeatable; `none` leaves out the walls that points and photos of a capture show"""
+
+    heights: Numbers
+    """Restrict cameras to heights that a tripod or drone reaches: coordinates along --up, not distances from the floor"""
+
+    walk: Numbers
+    """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
+
+    space: str
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
+
+    reach: float
+    """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
+
+    geo: str
+    """Where the scene lies on Earth, for polygons of --keep-out: LAT,LON,ALT[,HEADING] of its origin, utm:ZONE[,EAST,NORTH[,ALT]], ecef, or a capture with GPS, as for `export`"""
+
+    subject: str
+    """What of the surface is to be seen, where it holds more: a box X0,Y0,Z0,X1,Y1,Z1, a closed mesh or boxes as for --keep-out, a mesh that is a part of the surface, or `largest`, the largest thing that stands on the ground; the rest blocks views, and its ground is the floor [default: all of the surface]"""
+
+    margin: float
+    """Metres that cameras and the tour keep from polygons of --keep-out: GPS drifts [default: 3]"""
+
+    viewers: Union[File, Cameras, Plan, npt.ArrayLike]
+    """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
+
+    device: Union[str, int]
+    """Device, by index or part of its name (see `camsplat devices`) [default: the best]"""
+
+    debug_sync: bool
+    """Wait after every stage, so that a device-lost error names the stage that failed; no effect while stages are timed"""
+
+    seed: int
+    """Seed of every random number"""

@@ -85,6 +85,38 @@ fn advice_that_is_followed_gains_less_and_less() {
     assert!(gains[0] > 0.3 && gains[1] < gains[0] && gains[2] < gains[0], "{gains:?}");
 }
 
+/// If this failed, a robot with a mesh and poses but no photos could not ask, or would be sent where it has been.
+#[test]
+fn cameras_beside_a_surface_do_as_well_as_a_capture() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 12 --iterations 5 --held-out 60 --out all");
+    let record = place.plan("all");
+    // Those on one side of the ball.
+    let front: Vec<&Camera> = record.cameras.iter().filter(|camera| camera.pose.position.y < 0.0).collect();
+    assert!((3..10).contains(&front.len()), "{}", front.len());
+    let frame = |camera: &&Camera| {
+        let m = camera.pose.rotation;
+        let (right, up, back) = (m * DVec3::X, m * DVec3::NEG_Y, m * DVec3::NEG_Z);
+        let position = camera.pose.position;
+        let rows: Vec<[f64; 4]> =
+            (0..3).map(|k| [right[k], up[k], back[k], position[k]]).chain([[0.0, 0.0, 0.0, 1.0]]).collect();
+        serde_json::json!({ "file_path": camera.name, "transform_matrix": rows })
+    };
+    let lens = &record.cameras[0].intrinsics;
+    let frames: Vec<Value> = front.iter().map(frame).collect();
+    let file = serde_json::json!({
+        "fl_x": lens.focal[0], "fl_y": lens.focal[1], "cx": lens.principal[0], "cy": lens.principal[1], "w": lens.width, "h": lens.height,
+        "frames": frames
+    });
+    place.write("front.json", file.to_string());
+    let answer = answered(&place, "ball.ply front.json --views 4");
+    let behind = poses(&answer).iter().filter(|pose| pose.position.y > 0.0).count();
+    assert!(behind >= 3 && answer["gain_db"].as_f64().unwrap() > 0.5, "{behind} of 4 are behind: {answer}");
+    let uncovered = answer["uncovered"].as_array().unwrap();
+    let of = uncovered.iter().filter(|point| point[1].as_f64().unwrap() > 0.0).count();
+    assert!(uncovered.len() > 100 && of as f64 > 0.9 * uncovered.len() as f64, "{of} of {}", uncovered.len());
+}
+
 /// If this failed, a program would be answered about something else than it asked.
 #[test]
 fn what_has_no_next_photos_is_refused() {
@@ -92,7 +124,9 @@ fn what_has_no_next_photos_is_refused() {
     assert_refused(
         &place,
         &[
-            ("next ball.ply", &["ball.ply: ", "no capture", "camsplat plan"]),
+            ("next ball.ply", &["ball.ply: ", "name their cameras", "camsplat plan"]),
+            ("next ball.ply nowhere", &["nowhere: ", "o such file"]),
+            ("next wall wall --surface ball.ply", &["--surface", "cannot be used with"]),
             ("next nowhere", &["nowhere: ", "No such file"]),
             ("next wall --from nobody.png", &["wall: ", "no photo \"nobody.png\"", "--from"]),
             ("next wall --views 0", &["views", "0"]),

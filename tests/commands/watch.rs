@@ -57,7 +57,7 @@ fn advice_follows_the_photos_as_they_come_and_go() {
     served.until("next 5");
     let second = board(&served);
     assert_eq!(second["posed"], 8);
-    assert!(second["advice"]["gain_db"].as_f64().unwrap() < advice["gain_db"].as_f64().unwrap(), "{second}");
+    assert!(second["advice"]["unseen"].as_f64().unwrap() < advice["unseen"].as_f64().unwrap(), "{second}");
     assert_eq!(second["flaws"][0]["name"], "broken.png");
     let version = second["version"].as_u64().unwrap();
     let (_, short) = served.get(&format!("/board/{version}"));

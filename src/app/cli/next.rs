@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use glam::DVec3;
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
@@ -16,19 +17,24 @@ use super::viewers::ViewerOptions;
 use crate::app::report::way::{self, Way};
 use crate::files::io;
 use crate::files::io::folder::{check_file, write_files};
-use crate::files::photos::PhotoSet;
+use crate::files::photos::{Photo, PhotoSet};
 use crate::planner::plan::config::Config;
 use crate::planner::plan::enough::{Advice, Enough};
+use crate::planner::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::directions::Unit;
+use crate::scene::lens::Distortion;
 use crate::scene::region::Region;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat next`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Capture folder or COLMAP model: photos with poses, with or without their images
-    capture: PathBuf,
+    /// Capture folder or COLMAP model: photos with poses, with or without their images; or a surface, as `plan` takes it, with CAMERAS
+    #[arg(value_name = "CAPTURE")]
+    scene: PathBuf,
+    /// Cameras of the photos that there are: COLMAP or NSVF folder, transforms.json, plan.json or .log [default: those of the capture]
+    cameras: Option<PathBuf>,
     /// Photos to place
     #[arg(long, default_value_t = 5)]
     views: u32,
@@ -36,7 +42,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PHOTO")]
     from: Option<String>,
     /// Surface in place of the capture's own points, in its frame, such as one that `camsplat proxy` made
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     surface: Option<PathBuf>,
     #[command(flatten)]
     region: RegionOptions,
@@ -67,6 +73,8 @@ struct Answer {
     unit: String,
     /// Its length in units of the scene.
     unit_length: f64,
+    /// Points of the surface that no photo shows, of a thousand on it.
+    uncovered: Vec<DVec3>,
     /// The intrinsics of the next photos.
     intrinsics: Intrinsics,
     /// The next photos, the nearest first.
@@ -92,23 +100,15 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     if let (Some(file), false) = (&arguments.json, printed) {
         check_file(file)?;
-        let inputs = std::iter::once(&arguments.capture).chain(&arguments.surface);
+        let inputs = std::iter::once(&arguments.scene).chain(&arguments.surface).chain(&arguments.cameras);
         check_output_file(file, inputs.chain(&arguments.region.limits.keep_out))?;
     }
-    let path = &arguments.capture;
-    std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
-    if !io::may_be_capture(path) {
-        let what = "this is no capture, whose photos the next ones are beside; `camsplat plan` takes a surface alone";
-        return Err(Error::input(path, what));
-    }
-    arguments.region.choice()?;
-    let viewers = arguments.viewers.viewers()?;
-    let (surface, photos) = photographed::read(path, arguments.surface.as_deref(), true)?;
-    let cameras = photos.cameras();
-    let last = last(path, &cameras, arguments.from.as_deref())?;
-    let file = arguments.surface.as_ref().unwrap_or(path);
     let region = arguments.region.clone().explored();
-    let target = region.target_of(&surface, file, Some(&photos), &last.intrinsics, None)?;
+    region.choice()?;
+    let viewers = arguments.viewers.viewers()?;
+    let (photos, target) = taken(arguments, &region)?;
+    let cameras = photos.cameras();
+    let last = last(&photos.path, &cameras, arguments.from.as_deref())?;
     let preset = region.preset.unwrap_or_else(|| target.preset());
     let plain = Config::new(preset, arguments.views);
     let config = Config { seed: arguments.seed, held_out: HELD_OUT, viewers, ..plain };
@@ -119,7 +119,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     print_messages(&context);
     let (unit, said) = way::unit(&photos, target.region.up);
     let next = in_order(advice.further, last, &photos, &target.region, &unit);
-    let enough = advice.enough;
+    let (enough, points) = (advice.enough, advice.points.into_iter().zip(advice.unseen));
+    let uncovered = points.filter_map(|(point, unseen)| unseen.then_some(point)).collect();
     say!("photos   {}; no photo shows {:.1}% of what viewers look at", cameras.len(), 100.0 * enough.unseen);
     say!("gain     {:+.2} dB (sd {:.2}) are expected of {} more", enough.gain_db, enough.gain_sd_db, next.len());
     if matches!(unit, Unit::Step(_)) {
@@ -131,7 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     if let Some(file) = &arguments.json {
         let intrinsics = last.intrinsics;
         let (photos, unit_length) = (cameras.len(), unit.length());
-        let answer = Answer { photos, enough, unit: said, unit_length, intrinsics, next };
+        let answer = Answer { photos, enough, unit: said, unit_length, uncovered, intrinsics, next };
         let text = serde_json::to_string_pretty(&answer)
             .map_err(|e| Error::request(format!("the answer cannot be written: {e}")))?;
         match printed {
@@ -140,6 +141,30 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         }
     }
     Ok(Ended::Done)
+}
+
+/// The photos that there are, and what the next ones are for.
+fn taken(arguments: &Arguments, region: &RegionOptions) -> Result<(PhotoSet, Target)> {
+    let scene = &arguments.scene;
+    std::fs::metadata(scene).map_err(|source| Error::io(scene, source))?;
+    if let Some(path) = &arguments.cameras {
+        let (cameras, notes) = io::read_cameras_with_notes(&io::plan_file(path))?;
+        notes.iter().for_each(|note| say!("{note}"));
+        let lens = last(path, &cameras, arguments.from.as_deref())?.intrinsics;
+        let target = region.target(scene, &lens, None)?;
+        let photo = |camera| Photo { camera, distortion: Distortion::default(), image: None, mask: None };
+        let photos = cameras.into_iter().map(photo).collect();
+        return Ok((PhotoSet { path: path.clone(), photos, ..PhotoSet::default() }, target));
+    }
+    if !io::may_be_capture(scene) {
+        let what = "a surface has no photos that the next ones are beside; name their cameras as well, or `camsplat plan` without any";
+        return Err(Error::input(scene, what));
+    }
+    let (surface, photos) = photographed::read(scene, arguments.surface.as_deref(), true)?;
+    let lens = last(scene, &photos.cameras(), arguments.from.as_deref())?.intrinsics;
+    let file = arguments.surface.as_ref().unwrap_or(scene);
+    let target = region.target_of(&surface, file, Some(&photos), &lens, None)?;
+    Ok((photos, target))
 }
 
 /// The photo that was taken last.

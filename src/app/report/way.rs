@@ -54,9 +54,12 @@ impl Way {
 }
 
 /// What lengths are said in among the photos of a capture, and that in words: metres where their length is known, else steps of the
-/// photographer, with two photos that are about one apart.
+/// photographer, with two photos that are about one apart, or units of the scene where there is no step yet.
 pub fn unit(set: &PhotoSet, up: DVec3) -> (Unit, String) {
     let step = set.step();
+    if set.metre.is_none() && step <= 0.0 {
+        return (Unit::Step(1.0), "a unit of the scene".into());
+    }
     let unit = set.metre.map_or(Unit::Step(step), Unit::Metre);
     let said = match (unit, apart(set, step, up)) {
         (Unit::Step(_), Some([a, b])) => format!("{}, which is about as far as from {a} to {b}", unit.name()),
