@@ -56,7 +56,7 @@ class PlanOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; of `next` and `watch` open around an object, and known as far as photos see in a room]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -237,7 +237,7 @@ class ScoreOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; of `next` and `watch` open around an object, and known as far as photos see in a room]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -313,7 +313,7 @@ class SelectOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; of `next` and `watch` open around an object, and known as far as photos see in a room]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""
@@ -628,7 +628,7 @@ class NextOptions(TypedDict, total=False):
     """Restrict cameras to level ground that a person or robot of this radius and height can walk to from a start: coordinates of the feet on open floor, in the frame of the surface"""
 
     space: str
-    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]"""
+    """Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`, wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json [default: known for captures, else open; of `next` and `watch` open around an object, and known as far as photos see in a room]"""
 
     reach: float
     """How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing of the photos shows them]"""

@@ -103,13 +103,12 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         let inputs = std::iter::once(&arguments.scene).chain(&arguments.surface).chain(&arguments.cameras);
         check_output_file(file, inputs.chain(&arguments.region.limits.keep_out))?;
     }
-    let region = arguments.region.clone().explored();
-    region.choice()?;
+    arguments.region.choice()?;
     let viewers = arguments.viewers.viewers()?;
-    let (photos, target) = taken(arguments, &region)?;
+    let (photos, target) = taken(arguments)?;
     let cameras = photos.cameras();
     let last = last(&photos.path, &cameras, arguments.from.as_deref())?;
-    let preset = region.preset.unwrap_or_else(|| target.preset());
+    let preset = arguments.region.preset.unwrap_or_else(|| target.preset());
     let plain = Config::new(preset, arguments.views);
     let config = Config { seed: arguments.seed, held_out: HELD_OUT, viewers, ..plain };
     config.validate()?;
@@ -144,17 +143,18 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 }
 
 /// The photos that there are, and what the next ones are for.
-fn taken(arguments: &Arguments, region: &RegionOptions) -> Result<(PhotoSet, Target)> {
-    let scene = &arguments.scene;
+fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target)> {
+    let (scene, region) = (&arguments.scene, arguments.region.clone());
     std::fs::metadata(scene).map_err(|source| Error::io(scene, source))?;
     if let Some(path) = &arguments.cameras {
         let (cameras, notes) = io::read_cameras_with_notes(&io::plan_file(path))?;
         notes.iter().for_each(|note| say!("{note}"));
         let lens = last(path, &cameras, arguments.from.as_deref())?.intrinsics;
-        let target = region.target(scene, &lens, None)?;
         let photo = |camera| Photo { camera, distortion: Distortion::default(), image: None, mask: None };
         let photos = cameras.into_iter().map(photo).collect();
-        return Ok((PhotoSet { path: path.clone(), photos, ..PhotoSet::default() }, target));
+        let photos = PhotoSet { path: path.clone(), photos, ..PhotoSet::default() };
+        let target = region.explored(&photos).target(scene, &lens, None)?;
+        return Ok((photos, target));
     }
     if !io::may_be_capture(scene) {
         let what = "a surface has no photos that the next ones are beside; name their cameras as well, or `camsplat plan` without any";
@@ -163,7 +163,7 @@ fn taken(arguments: &Arguments, region: &RegionOptions) -> Result<(PhotoSet, Tar
     let (surface, photos) = photographed::read(scene, arguments.surface.as_deref(), true)?;
     let lens = last(scene, &photos.cameras(), arguments.from.as_deref())?.intrinsics;
     let file = arguments.surface.as_ref().unwrap_or(scene);
-    let target = region.target_of(&surface, file, Some(&photos), &lens, None)?;
+    let target = region.explored(&photos).target_of(&surface, file, Some(&photos), &lens, None)?;
     Ok((photos, target))
 }
 

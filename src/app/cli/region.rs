@@ -52,7 +52,7 @@ pub struct RegionOptions {
     pub limits: LimitOptions,
     /// Where cameras and viewers can be: `known`, where the photos of a capture prove it, connected with where they were taken; `open`,
     /// wherever nothing is known to be; the inside of a closed mesh or of boxes (as for --keep-out), or the space of a plan.json
-    /// [default: known for captures, else open; `next` and `watch`: open, since who takes the photos sees where one can stand]
+    /// [default: known for captures, else open; of `next` and `watch` open around an object, and known as far as photos see in a room]
     #[arg(long, value_name = "SPACE", value_parser = parse_space)]
     pub space: Option<SpaceOption>,
     /// How far from the nearest photo known space reaches, half of it up or down [default: two of a photographer's steps, as the spacing
@@ -230,11 +230,20 @@ impl RegionOptions {
         self.preset.unwrap_or(if self.box_.is_some() { Preset::Room } else { Preset::Object })
     }
 
-    /// With space that is open unless the options say otherwise: photos that stand near each other prove little of it, and advice that
-    /// keeps to that never leads around anything.
-    pub fn explored(mut self) -> Self {
-        if self.space.is_none() && self.reach.is_none() {
-            self.space = Some(SpaceOption::Open);
+    /// For advice on where to go: unless the options say otherwise, space is all that photos prove free where they are of a room, however
+    /// far from them, and open around an object, whose other sides photos of one prove nothing of. Within the usual two steps of
+    /// photos advice would lead around nothing.
+    pub fn explored(mut self, photos: &PhotoSet) -> Self {
+        if self.space.is_some() || self.reach.is_some() {
+            return self;
+        }
+        let poses: Vec<Pose> = photos.photos.iter().map(|photo| photo.camera.pose).collect();
+        let of_object = self.shell.is_some()
+            || self.preset == Some(Preset::Object)
+            || self.preset() == Preset::Object && Shape::around_cameras(&poses).is_some();
+        match photos.depth().filter(|_| !of_object) {
+            Some(depth) => self.reach = Some(depth),
+            None => self.space = Some(SpaceOption::Open),
         }
         self
     }
@@ -290,13 +299,12 @@ impl RegionOptions {
         limits.space = self.space(surface, path, capture, up, stored.is_some(), limits.space.take())?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
-            let looks_about = choice.shape.is_none() && self.preset.is_none() && photographed.len() > 1;
-            if looks_about && (limits.space.is_some() || self.space == Some(SpaceOption::Open)) {
+            if let (None, None, Some(space)) = (choice.shape, self.preset, &limits.space) {
                 say!(
                     "region   around the photos, which look at no one thing: planned as a room (--preset object plans around the surface)"
                 );
-                let (bounds, room) = (limits.space.as_ref().map(KnownSpace::bounds), Preset::Room);
-                (preset, choice.shape) = (room, bounds.map(|(min, max)| Shape::Box { min, max }));
+                let (min, max) = space.bounds();
+                (preset, choice.shape) = (Preset::Room, Some(Shape::Box { min, max }));
             }
         }
         if let Some(asked) = &self.subject {

@@ -209,11 +209,12 @@ fn serve(arguments: &Arguments, board: Arc<Shared>) -> Result<Server> {
 impl Watch<'_> {
     /// Looks at the folder every now and then, and says at once which photos are of no use.
     fn look_after(&self, inbox: &mut Inbox) {
-        // What an earlier run has seen counts as well.
+        // Photos that lie there already are looked at by the second one; what an earlier run has seen counts as well.
+        inbox.scan();
         let mut first = true;
         while go_on().is_continue() {
             let begun = Instant::now();
-            if inbox.scan() || std::mem::take(&mut first) {
+            if inbox.scan() | std::mem::take(&mut first) {
                 let photos = inbox.photos();
                 self.show(&photos, None);
                 let mut arrived = lock(&self.arrived);
@@ -371,7 +372,7 @@ impl Watch<'_> {
     /// What to do next, and how it is shown.
     fn advice(&self, set: &PhotoSet, surface: &Surface, last: &Camera) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
-        let region = region.clone().explored();
+        let region = region.clone().explored(set);
         let (target, _) = session::overheard(|| {
             let mut of = set.clone();
             of.path.clone_from(folder);

@@ -144,6 +144,7 @@ impl Inbox {
         let flaw = |look: &Look| match look {
             Look { fault: Some(fault), .. } => Some(format!("cannot be read: {fault}")),
             Look { light, .. } if *light < DARK => Some("too dark: find more light, or expose longer".into()),
+            Look { sharpness: 0.0, .. } => Some("shows hardly any texture: take it from farther away".into()),
             Look { sharpness, .. } if *sharpness < BLURRED * median => {
                 Some("blurred: hold still, and take it again".into())
             }
@@ -256,21 +257,22 @@ mod tests {
             picture(shift, blur, light).save(at(name)).unwrap();
         }
         fs::write(at("h.png"), "no picture").unwrap();
+        RgbImage::from_pixel(320, 240, Rgb([230; 3])).save(at("i.png")).unwrap();
         fs::write(at("notes.txt"), "no picture either").unwrap();
         assert!(!inbox.scan(), "photos that may still be growing were looked at");
         assert!(inbox.scan() && !inbox.scan());
         let flaws: BTreeMap<String, String> =
             inbox.photos().into_iter().filter_map(|photo| Some((photo.name, photo.flaw?))).collect();
         let begins = |name: &str| flaws[name].split([':', ' ']).next().unwrap_or_default().to_owned();
-        assert_eq!(flaws.keys().collect::<Vec<_>>(), ["d.png", "e.png", "f.png", "h.png"], "{flaws:?}");
-        assert_eq!(["d.png", "e.png", "f.png", "h.png"].map(begins), ["blurred", "too", "shows", "cannot"]);
-        assert!(flaws["f.png"].contains("c.png"), "{flaws:?}");
+        assert_eq!(flaws.keys().collect::<Vec<_>>(), ["d.png", "e.png", "f.png", "h.png", "i.png"], "{flaws:?}");
+        assert_eq!(["d.png", "e.png", "h.png"].map(begins), ["blurred", "too", "cannot"]);
+        assert!(flaws["f.png"].contains("the same as c.png") && flaws["i.png"].contains("texture"), "{flaws:?}");
         // After another start nothing is looked at again, and what is gone is gone; of a duplicate's twin, too.
         let mut again = Inbox::open(place.path(), &at(".camsplat/photos.json"));
         assert!(!again.scan() && again.photos() == inbox.photos());
         fs::remove_file(at("c.png")).unwrap();
         assert!(again.scan());
         let left = again.photos();
-        assert!(left.len() == 7 && left.iter().all(|photo| photo.name != "f.png" || photo.flaw.is_none()), "{left:?}");
+        assert!(left.len() == 8 && left.iter().all(|photo| photo.name != "f.png" || photo.flaw.is_none()), "{left:?}");
     }
 }

@@ -42,7 +42,7 @@ function draw(board) {
   // Made by camsplat, with every name in it escaped.
   element("map").innerHTML = advice.map;
   element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
-  say("unit", `Lengths are in ${advice.unit}.`);
+  say("unit", `Unit of length: ${advice.unit}.`);
 }
 
 async function ask() {

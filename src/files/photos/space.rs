@@ -41,6 +41,15 @@ impl PhotoSet {
         step(&self.sights(&self.seen(), &[]).1)
     }
 
+    /// How far its photos see: nine tenths of its points are nearer to the middle of where they were taken. None without points.
+    pub fn depth(&self) -> Option<f64> {
+        let places = self.photos.iter().map(|photo| photo.camera.pose.position);
+        let middle = places.sum::<DVec3>() / self.photos.len().max(1) as f64;
+        let mut away: Vec<f64> = self.points.positions.iter().map(|point| point.distance(middle)).collect();
+        let rank = away.len() * 9 / 10;
+        (rank > 0).then(|| *away.select_nth_unstable_by(rank, f64::total_cmp).1)
+    }
+
     /// Whether anything says which photos saw which points.
     fn tells(&self) -> bool {
         self.tracks.iter().any(|track| !track.is_empty())
