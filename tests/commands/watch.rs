@@ -74,7 +74,7 @@ fn advice_follows_the_photos_as_they_come_and_go() {
     }
     served.end();
     let mut expected = place.files("more").into_iter().filter(|name| name != "images/003.png").collect::<Vec<_>>();
-    expected.push(".camsplat/photos.json".into());
+    expected.extend([".camsplat/lock", ".camsplat/photos.json"].map(str::to_owned));
     expected.sort();
     assert_eq!(place.files("wall"), expected, "something else was written into the capture");
 }
@@ -179,4 +179,15 @@ fn what_cannot_be_watched_is_refused() {
             ("watch photos --python true", &["true has no pycolmap", "pip install pycolmap"]),
         ],
     );
+    // What lies in the folder for its own files is not written over, and nobody else works there.
+    capture_wall(&place.path("wall"), &row("png")[..3], false);
+    fs::create_dir(place.path("mine")).unwrap();
+    place.write("mine/photos.json", r#"{"mine": 1}"#);
+    let refused = place.run("watch wall --out mine --no-browser");
+    assert!(refused.code == Some(2) && refused.err.contains("photos.json: this is not what"), "{}", refused.err);
+    assert_eq!(place.read("mine/photos.json"), r#"{"mine": 1}"#);
+    let served = Served::begun(&place, "watch wall", "page ");
+    let refused = place.run("watch wall --no-browser");
+    assert!(refused.code == Some(2) && refused.err.contains("another `camsplat watch` is at work"), "{}", refused.err);
+    served.end();
 }

@@ -18,7 +18,7 @@ use crate::app::report::way::{self, Way};
 use crate::files::io;
 use crate::files::io::folder::{check_file, write_files};
 use crate::files::photos::{Photo, PhotoSet};
-use crate::planner::plan::config::Config;
+use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Advice, Enough};
 use crate::planner::plan::target::Target;
 use crate::scene::camera::{Camera, Intrinsics};
@@ -105,10 +105,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     arguments.region.choice()?;
     let viewers = arguments.viewers.viewers()?;
-    let (photos, target) = taken(arguments)?;
+    let (photos, target, preset) = taken(arguments)?;
     let cameras = photos.cameras();
     let last = last(&photos.path, &cameras, arguments.from.as_deref())?;
-    let preset = arguments.region.preset.unwrap_or_else(|| target.preset());
     let plain = Config::new(preset, arguments.views);
     let config = Config { seed: arguments.seed, held_out: HELD_OUT, viewers, ..plain };
     config.validate()?;
@@ -142,8 +141,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     Ok(Ended::Done)
 }
 
-/// The photos that there are, and what the next ones are for.
-fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target)> {
+/// The photos that there are, what the next ones are for, and the kind of scene that it is.
+fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target, Preset)> {
     let (scene, region) = (&arguments.scene, arguments.region.clone());
     std::fs::metadata(scene).map_err(|source| Error::io(scene, source))?;
     if let Some(path) = &arguments.cameras {
@@ -153,8 +152,10 @@ fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target)> {
         let photo = |camera| Photo { camera, distortion: Distortion::default(), image: None, mask: None };
         let photos = cameras.into_iter().map(photo).collect();
         let photos = PhotoSet { path: path.clone(), photos, ..PhotoSet::default() };
-        let target = region.explored(&photos).target(scene, &lens, None)?;
-        return Ok((photos, target));
+        let region = region.explored(&photos);
+        let target = region.target(scene, &lens, None)?;
+        let preset = region.preset.unwrap_or_else(|| target.preset());
+        return Ok((photos, target, preset));
     }
     if !io::may_be_capture(scene) {
         let what = "a surface has no photos that the next ones are beside; name their cameras as well, or `camsplat plan` without any";
@@ -163,8 +164,10 @@ fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target)> {
     let (surface, photos) = photographed::read(scene, arguments.surface.as_deref(), true)?;
     let lens = last(scene, &photos.cameras(), arguments.from.as_deref())?.intrinsics;
     let file = arguments.surface.as_ref().unwrap_or(scene);
-    let target = region.explored(&photos).target_of(&surface, file, Some(&photos), &lens, None)?;
-    Ok((photos, target))
+    let region = region.explored(&photos);
+    let target = region.target_of(&surface, file, Some(&photos), &lens, None)?;
+    let preset = region.preset.unwrap_or_else(|| target.preset());
+    Ok((photos, target, preset))
 }
 
 /// The photo that was taken last.

@@ -76,6 +76,9 @@ pub struct RegionOptions {
 /// Metres by which GPS drifts.
 const DRIFT: f64 = 3.0;
 
+/// Photos below which what they look at does not yet say that they are of a room.
+const FEW: usize = 10;
+
 /// The height of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FloorOption {
@@ -234,6 +237,10 @@ impl RegionOptions {
     /// far from them, and open around an object, whose other sides photos of one prove nothing of. Within the usual two steps of
     /// photos advice would lead around nothing.
     pub fn explored(mut self, photos: &PhotoSet) -> Self {
+        // A few photos of one side look at no one thing yet.
+        if self.preset.is_none() && self.box_.is_none() && photos.photos.len() < FEW {
+            self.preset = Some(Preset::Object);
+        }
         if self.space.is_some() || self.reach.is_some() {
             return self;
         }

@@ -1,6 +1,7 @@
 //! `camsplat watch`.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex};
 use std::thread;
@@ -27,7 +28,7 @@ use crate::files::io::colmap;
 use crate::files::io::photos::files::images_in;
 use crate::files::io::photos::{Images, ReadOptions};
 use crate::files::photos::PhotoSet;
-use crate::planner::plan::config::Config;
+use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Advice, MORE};
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
@@ -78,11 +79,17 @@ const POSES: [&str; 6] = [
     "keyframes/corrected_cameras",
     "pose",
 ];
-const COLMAP: [&str; 2] = ["images.bin", "images.txt"];
+const COLMAP: [&str; 6] = ["images.bin", "images.txt", "points3D.bin", "points3D.txt", "cameras.bin", "cameras.txt"];
 /// Between two looks at the folder.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(500);
 /// Between two looks at whether there is anything to do, or to stop.
 const SHORT: Duration = Duration::from_millis(50);
+/// After a fault, at first and at most.
+const PAUSE: Duration = Duration::from_secs(5);
+const LONGEST_PAUSE: Duration = Duration::from_secs(60);
+/// What to do where there are too few photos.
+const MORE_PHOTOS: &str = "Take a few more photos, each with a small step to the side";
+const SMALLER_STEPS: &str = "No two photos show enough of the same: take smaller steps between them";
 /// Photos with a pose before there is advice.
 const FEWEST: usize = 3;
 /// Places that are shown.
@@ -130,7 +137,16 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         true => Poses::Given,
         false => Poses::Found(Sfm::find(&arguments.python, &work.join("sfm"))?),
     };
-    io::folder::make_parent(&work.join("photos.json"))?;
+    let kept = work.join("photos.json");
+    io::folder::make_parent(&kept)?;
+    // It ends with the process, however that ends.
+    let lock = File::create(work.join("lock")).map_err(|source| Error::io(&work, source))?;
+    if lock.try_lock().is_err() {
+        return Err(Error::input(
+            folder,
+            "another `camsplat watch` is at work here; stop that one, or name another --out",
+        ));
+    }
     let inside = folder.join("images");
     let images = if images_in(&inside).is_empty() { folder.clone() } else { inside };
     close_on_interrupt()?;
@@ -144,7 +160,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let title = folder.canonicalize().unwrap_or_else(|_| folder.clone());
     board.change(|board| board.title = title.file_name().unwrap_or_default().to_string_lossy().into_owned());
     let server = serve(arguments, Arc::clone(&board))?;
-    let inbox = Inbox::open(&images, &work.join("photos.json"));
+    let inbox = Inbox::open(&images, &kept)?;
     let mut inbox = match poses {
         Poses::Given => inbox.of_capture(folders_of_photos(folder, &images)?, files_of_poses(folder)),
         Poses::Found(_) => inbox,
@@ -252,15 +268,16 @@ impl Watch<'_> {
         });
     }
 
-    /// Works out what to do next, each time that the photos have changed.
+    /// Works out what to do next, each time that the photos have changed; after a fault again after a while, twice as long each time.
     fn advise_on_and_on(&self) {
-        let mut done = 0;
+        let (mut done, mut again) = (0, None);
+        let mut pause = PAUSE;
         while go_on().is_continue() {
             let photos = {
                 let arrived = lock(&self.arrived);
                 let waited = self.changed.wait_timeout_while(arrived, SHORT, |arrived| arrived.0 == done);
                 let Ok((arrived, timeout)) = waited else { return };
-                if timeout.timed_out() {
+                if timeout.timed_out() && again.is_none_or(|at| Instant::now() < at) {
                     continue;
                 }
                 done = arrived.0;
@@ -272,14 +289,17 @@ impl Watch<'_> {
                 Err(error) => {
                     let line = session::current().with_options(error.to_string());
                     say!("failed   {line}");
-                    self.board.change(|board| (board.fault, board.stage) = (Some(line), String::new()));
+                    again = Some(Instant::now() + pause);
+                    pause = (2 * pause).min(LONGEST_PAUSE);
+                    self.board.change(|board| (board.fault, board.stage) = (Some(line), "Trying again soon".into()));
                 }
-                Ok(()) => {
+                Ok(hint) => {
+                    (again, pause) = (None, PAUSE);
                     let seconds = begun.elapsed().as_secs_f64();
-                    self.board.change(|board| {
-                        board.fault = None;
-                        board.stage = format!("Up to date with {} photos, {seconds:.0} s after the last", photos.len());
-                    });
+                    let (count, s) = (photos.len(), if photos.len() == 1 { "" } else { "s" });
+                    let stage =
+                        hint.unwrap_or_else(|| format!("Up to date with {count} photo{s}, after {seconds:.0} s"));
+                    self.board.change(|board| (board.fault, board.stage) = (None, stage));
                 }
             }
         }
@@ -289,38 +309,33 @@ impl Watch<'_> {
         self.board.change(|board| board.stage = stage.into());
     }
 
-    /// Poses, and advice, for the photos that are there.
-    fn step(&self, photos: &[Arrival]) -> Result<()> {
-        let usable: BTreeMap<String, String> =
-            photos.iter().filter(|photo| photo.flaw.is_none()).map(|p| (p.name.clone(), p.lens.clone())).collect();
+    /// Poses, and advice, for the photos that are there; what to do where there are too few for that.
+    fn step(&self, photos: &[Arrival]) -> Result<Option<String>> {
+        let usable: BTreeMap<String, &Arrival> =
+            photos.iter().filter(|photo| photo.flaw.is_none()).map(|photo| (photo.name.clone(), photo)).collect();
         let (set, surface) = match &self.poses {
             Poses::Given => self.given(&usable)?,
             Poses::Found(sfm) => {
                 if usable.len() < FEWEST {
-                    self.show(photos, Some(&BTreeSet::new()));
-                    return self.too_few(usable.len(), "Take a few more photos, each with a small step to the side");
+                    return Ok(Some(self.too_few(0, MORE_PHOTOS)));
                 }
                 self.stage(&format!("Finding out where {} photos were taken", usable.len()));
                 match self.found(sfm, &usable)? {
                     Some(found) => found,
-                    None => {
-                        self.show(photos, Some(&BTreeSet::new()));
-                        return self
-                            .too_few(0, "No two photos show enough of the same: take smaller steps between them");
-                    }
+                    None => return Ok(Some(self.too_few(0, SMALLER_STEPS))),
                 }
             }
         };
         let posed: BTreeSet<String> = set.photos.iter().map(|photo| photo.camera.name.clone()).collect();
         self.show(photos, Some(&posed));
         if set.photos.len() < FEWEST {
-            return self.too_few(set.photos.len(), "Take a few more photos, each with a small step to the side");
+            return Ok(Some(self.too_few(set.photos.len(), MORE_PHOTOS)));
         }
         self.stage("Working out where to stand next");
         let last =
             photos.iter().rev().find_map(|taken| set.photos.iter().find(|photo| photo.camera.name == taken.name));
         // There are at least three.
-        let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(()) };
+        let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(None) };
         let shown = self.advice(&set, &surface, &last)?;
         if let Some(shown) = &shown {
             say!("photos   {} of {} have a pose", posed.len(), photos.len());
@@ -330,19 +345,18 @@ impl Watch<'_> {
             }
         }
         self.board.change(|board| board.advice = shown);
-        Ok(())
+        Ok(None)
     }
 
     /// Says that there are too few photos for advice.
-    fn too_few(&self, posed: usize, what: &str) -> Result<()> {
+    fn too_few(&self, posed: usize, what: &str) -> String {
         say!("photos   {posed} with a pose, too few for advice");
         self.board.change(|board| (board.posed, board.advice) = (posed, None));
-        self.stage(what);
-        Ok(())
+        what.into()
     }
 
     /// The capture that the folder is.
-    fn given(&self, usable: &BTreeMap<String, String>) -> Result<(PhotoSet, Surface)> {
+    fn given(&self, usable: &BTreeMap<String, &Arrival>) -> Result<(PhotoSet, Surface)> {
         let (read, _) = session::overheard(|| photographed::read(&self.arguments.folder, None, true));
         let (surface, mut set) = read?;
         for photo in &mut set.photos {
@@ -354,8 +368,10 @@ impl Watch<'_> {
     }
 
     /// The capture that structure from motion makes of photos; none where it places none.
-    fn found(&self, sfm: &Sfm, usable: &BTreeMap<String, String>) -> Result<Option<(PhotoSet, Surface)>> {
-        let posed: BTreeSet<String> = sfm.pose(&self.images, usable, go_on)?.into_iter().collect();
+    fn found(&self, sfm: &Sfm, usable: &BTreeMap<String, &Arrival>) -> Result<Option<(PhotoSet, Surface)>> {
+        let lenses = usable.iter().map(|(name, photo)| (name.clone(), photo.lens.clone())).collect();
+        let checksums = usable.iter().map(|(name, photo)| (name.clone(), photo.checksum)).collect();
+        let posed: BTreeSet<String> = sfm.pose(&self.images, &lenses, &checksums, go_on)?.into_iter().collect();
         if posed.is_empty() {
             return Ok(None);
         }
@@ -389,6 +405,10 @@ impl Watch<'_> {
         let distance = |camera: &Camera| camera.pose.position.distance(last.pose.position);
         next.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
         next.truncate(SHOWN);
-        Shown::new(&advice, &next, set, &target.region)
+        let kind = match preset {
+            Preset::Object => "as an object, seen from around it (--preset room says that it is a room)",
+            Preset::Room => "as a room, seen from inside (--preset object says that it is an object)",
+        };
+        Shown::new(&advice, &next, set, &target.region, kind)
     }
 }

@@ -66,6 +66,8 @@ pub struct Shown {
     pub unseen: f64,
     /// Weak parts, in words.
     pub weak: Vec<String>,
+    /// What kind of scene it is planned for, in words.
+    pub kind: &'static str,
     /// What lengths are said in.
     pub unit: String,
     /// Where to stand next, the nearest first.
@@ -93,11 +95,17 @@ pub struct Place {
 const MOSTLY: f64 = 0.5;
 
 impl Shown {
-    /// Of advice on `photos`; `next` are those of its places that are shown, in their order. None where no photo has an image.
+    /// Of advice on `photos` of a scene of some `kind`; `next` are those of its places that are shown, in their order. None where no photo has an image.
     ///
     /// # Errors
     /// Where an image cannot be read.
-    pub fn new(advice: &Advice, next: &[Camera], photos: &PhotoSet, region: &Region) -> Result<Option<Self>> {
+    pub fn new(
+        advice: &Advice,
+        next: &[Camera],
+        photos: &PhotoSet,
+        region: &Region,
+        kind: &'static str,
+    ) -> Result<Option<Self>> {
         let kept = photos.cameras();
         let all: Vec<Camera> = next.iter().chain(&kept).cloned().collect();
         let Some(shots) = Shots::new(&all, kept.len(), region, photos)? else { return Ok(None) };
@@ -132,6 +140,7 @@ impl Shown {
             gain_sd_db,
             unseen,
             weak: advice.enough.weak.iter().map(|weak| weak.line()).collect(),
+            kind,
             unit: shots.list.unit.clone(),
             next: places.collect(),
             map,

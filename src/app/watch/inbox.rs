@@ -18,6 +18,7 @@ use crate::photogrammetry::frames::choice::DUPLICATE;
 use crate::photogrammetry::frames::grey::Grey;
 use crate::photogrammetry::frames::motion::{self, Pyramid};
 use crate::photogrammetry::frames::sharpness;
+use crate::{Error, Result};
 
 /// Photos before it that a photo may be a duplicate of.
 const BEFORE: usize = 10;
@@ -42,6 +43,8 @@ struct Look {
     fault: Option<String>,
     /// See [`sharpness::of`].
     sharpness: f64,
+    /// Checksum of the file (CRC-32): a photo that is written again under its name is another.
+    checksum: u32,
     /// Grey value that a twentieth of it reaches.
     light: u8,
     /// Size, model of the camera and focal length: photos of which these agree have a lens in common.
@@ -62,8 +65,10 @@ struct Entry {
 pub struct Arrival {
     /// Path below the folder, with `/` between folders.
     pub name: String,
-    /// See [`Inbox::photos`]: the same for photos of one lens.
+    /// The same for photos of one lens.
     pub lens: String,
+    /// Of the file: another where the photo is another.
+    pub checksum: u32,
     /// Why it is of no use; none where it is.
     pub flaw: Option<String>,
 }
@@ -84,10 +89,21 @@ pub struct Inbox {
 
 impl Inbox {
     /// Of a folder, hidden folders in it apart; what an earlier run found is taken from the file `kept`, where it is there, and goes there.
-    pub fn open(folder: &Path, kept: &Path) -> Self {
-        let entries = fs::read(kept).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    ///
+    /// # Errors
+    /// Where that file is of something else.
+    pub fn open(folder: &Path, kept: &Path) -> Result<Self> {
+        let entries = match fs::read(kept) {
+            Ok(text) => serde_json::from_slice(&text).map_err(|_| {
+                Error::input(
+                    kept,
+                    "this is not what an earlier run of `camsplat watch` wrote; remove it, or name another `out`",
+                )
+            })?,
+            Err(_) => BTreeMap::new(),
+        };
         let (folder, kept) = (folder.to_owned(), kept.to_owned());
-        Self { folder, only: None, poses: BTreeMap::new(), kept, entries, recent: VecDeque::new() }
+        Ok(Self { folder, only: None, poses: BTreeMap::new(), kept, entries, recent: VecDeque::new() })
     }
 
     /// With photos in these folders alone, and files and folders beside them in which a change counts as one of the photos.
@@ -153,7 +169,14 @@ impl Inbox {
             }
             _ => None,
         };
-        looks().map(|(name, look)| Arrival { name: name.clone(), lens: look.lens.clone(), flaw: flaw(look) }).collect()
+        looks()
+            .map(|(name, look)| Arrival {
+                name: name.clone(),
+                lens: look.lens.clone(),
+                checksum: look.checksum,
+                flaw: flaw(look),
+            })
+            .collect()
     }
 
     /// By when they were written, and by the numbers in their names.
@@ -163,6 +186,7 @@ impl Inbox {
     }
 
     fn look_at(&mut self, names: &[String]) {
+        self.recent.retain(|(name, _)| self.entries.contains_key(name) && !names.contains(name));
         let seen = mapped(names, |_, name| look(&self.folder.join(name)));
         for (name, (mut look, pyramid)) in names.iter().zip(seen) {
             if let Some(pyramid) = pyramid {
@@ -185,6 +209,10 @@ impl Inbox {
 
     /// Writes what is known. Where that fails photos are looked at again after the next start, and nothing else is lost.
     fn keep(&self) {
+        // A folder that the user has deleted is not made again.
+        if self.kept.parent().is_none_or(|folder| !folder.is_dir()) {
+            return;
+        }
         if let Ok(text) = serde_json::to_string(&self.entries) {
             let _ = write_files(&[(&self.kept, text.as_bytes())]);
         }
@@ -199,11 +227,13 @@ fn stamp(file: &Path) -> Option<Stamp> {
 
 /// A look at a photo, and the photo small where it can be decoded.
 fn look(file: &Path) -> (Look, Option<Pyramid>) {
+    // One that cannot be read cannot be decoded either.
+    let checksum = fs::read(file).map_or(0, |bytes| crc32fast::hash(&bytes));
     let image = match decode::encoded(file, [0; 3]) {
         Ok(image) => image,
         Err(error) => {
             let fault = Some(error.to_string().replace(&format!("{}: ", file.display()), ""));
-            return (Look { fault, sharpness: 0.0, light: 0, lens: String::new(), alike: None }, None);
+            return (Look { fault, sharpness: 0.0, checksum, light: 0, lens: String::new(), alike: None }, None);
         }
     };
     let grey = Grey::of_colours(image.width as usize, image.height as usize, &image.pixels).within(sharpness::SIDE);
@@ -211,7 +241,7 @@ fn look(file: &Path) -> (Look, Option<Pyramid>) {
     let brightest = values.len() - 1 - values.len() / 20;
     let light = *values.select_nth_unstable(brightest).1;
     let lens = format!("{} x {}{}", image.width, image.height, made_with(file).unwrap_or_default());
-    let look = Look { fault: None, sharpness: sharpness::of(&grey), light, lens, alike: None };
+    let look = Look { fault: None, sharpness: sharpness::of(&grey), checksum, light, lens, alike: None };
     (look, Some(Pyramid::new(&grey)))
 }
 
@@ -243,7 +273,8 @@ mod tests {
     fn photos_of_no_use_are_named_with_the_reason() {
         let place = tempfile::tempdir().unwrap();
         let at = |name: &str| place.path().join(name);
-        let mut inbox = Inbox::open(place.path(), &at(".camsplat/photos.json"));
+        let mut inbox = Inbox::open(place.path(), &at(".camsplat/photos.json")).unwrap();
+        fs::create_dir(at(".camsplat")).unwrap();
         assert!(!inbox.scan() && inbox.photos().is_empty());
         for (name, shift, blur, light) in [
             ("a.png", 0, 0, 1.0),
@@ -268,10 +299,24 @@ mod tests {
         assert_eq!(["d.png", "e.png", "h.png"].map(begins), ["blurred", "too", "cannot"]);
         assert!(flaws["f.png"].contains("the same as c.png") && flaws["i.png"].contains("texture"), "{flaws:?}");
         // After another start nothing is looked at again, and what is gone is gone; of a duplicate's twin, too.
-        let mut again = Inbox::open(place.path(), &at(".camsplat/photos.json"));
+        let mut again = Inbox::open(place.path(), &at(".camsplat/photos.json")).unwrap();
         assert!(!again.scan() && again.photos() == inbox.photos());
         fs::remove_file(at("c.png")).unwrap();
         assert!(again.scan());
+        // One that is copied again is no duplicate of itself, and has the same checksum; another under its name has not.
+        let checksum =
+            |inbox: &Inbox| inbox.photos().iter().find(|photo| photo.name == "g.png").map(|photo| photo.checksum);
+        let before = checksum(&again);
+        for (shift, same) in [(190, true), (230, false)] {
+            fs::remove_file(at("g.png")).unwrap();
+            picture(shift, 0, 1.0).save(at("g.png")).unwrap();
+            let ten_seconds = std::time::SystemTime::now() + std::time::Duration::from_secs(10);
+            File::options().append(true).open(at("g.png")).unwrap().set_modified(ten_seconds).unwrap();
+            again.scan();
+            again.scan();
+            assert!(again.photos().iter().all(|photo| photo.name != "g.png" || photo.flaw.is_none()));
+            assert_eq!(checksum(&again) == before, same);
+        }
         let left = again.photos();
         assert!(left.len() == 8 && left.iter().all(|photo| photo.name != "f.png" || photo.flaw.is_none()), "{left:?}");
     }

@@ -30,7 +30,7 @@ function draw(board) {
   element("top").className = advice ? advice.enough.replace(" ", "-") : "";
   say("answer", advice ? ANSWERS[advice.enough] || advice.enough : "Take photos");
   say("because", advice ? `${advice.gain} ${advice.hidden}` : "");
-  say("count", board.photos ? `${board.photos} photos, ${board.posed} placed` : "No photos yet");
+  say("count", board.photos ? `${board.photos} photo${board.photos === 1 ? "" : "s"}, ${board.posed} placed` : "No photos yet");
   say("stage", board.stage);
   say("fault", board.fault || "");
   element("flaws").hidden = board.flaws.length === 0;
@@ -42,7 +42,7 @@ function draw(board) {
   // Made by camsplat, with every name in it escaped.
   element("map").innerHTML = advice.map;
   element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
-  say("unit", `Unit of length: ${advice.unit}.`);
+  say("unit", `Planned ${advice.kind}. Unit of length: ${advice.unit}.`);
 }
 
 async function ask() {

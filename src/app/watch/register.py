@@ -1,14 +1,16 @@
 """Poses of photos by COLMAP's structure from motion, which goes on from where it was.
 
-Standard input has one JSON object: `images`, the folder of the photos; `work`, a folder for database and model; `lenses`, for each photo by
-name the lens that took it. The model goes to `work`/sparse/0; the last line that is printed is JSON with the photos that have a pose.
-It may be killed at any time: what is in `work` stays sound.
+Standard input has a line of JSON: `images`, the folder of the photos; `work`, a folder for database and model; `lenses`, for each photo by
+name the lens that took it; `checksums`, for each that of its file. The model goes to `work`/sparse/0; the last line that is printed is JSON
+with the photos that have a pose. It ends where its input is closed, and may be killed at any time: what is in `work` stays sound, or is
+made anew.
 """
 
 import json
 import os
 import shutil
 import sys
+import threading
 
 import pycolmap
 
@@ -19,10 +21,39 @@ SIDE = 1600
 
 
 def main() -> None:
-    request = json.load(sys.stdin)
-    images, work, lenses = request["images"], request["work"], request["lenses"]
+    request = json.loads(sys.stdin.readline())
+    threading.Thread(target=end_with_input, daemon=True).start()
     pycolmap.logging.minloglevel = 3
+    work, checksums = request["work"], request["checksums"]
     os.makedirs(work, exist_ok=True)
+    seen = read(os.path.join(work, "checksums.json"), {})
+    if any(checksums.get(name, before) != before for name, before in seen.items()):
+        # A photo has been replaced by another of its name.
+        clear(work)
+    write(os.path.join(work, "checksums.json"), {**seen, **checksums})
+    try:
+        found = register(request["images"], work, request["lenses"])
+    except Exception:
+        # Of a database or model that is damaged.
+        clear(work)
+        found = register(request["images"], work, request["lenses"])
+    print(json.dumps({"posed": sorted(found)}))
+
+
+def end_with_input() -> None:
+    sys.stdin.read()
+    os._exit(1)
+
+
+def clear(work: str) -> None:
+    shutil.rmtree(os.path.join(work, "sparse"), ignore_errors=True)
+    for name in os.listdir(work):
+        if name.startswith("database.db"):
+            os.remove(os.path.join(work, name))
+
+
+def register(images: str, work: str, lenses: dict) -> set:
+    """Poses as many of the photos as can be had, and returns their names."""
     database, model, last = (os.path.join(work, name) for name in ("database.db", "sparse/0", "anew.json"))
     if os.path.isdir(model + ".old") and not os.path.isdir(model):
         os.rename(model + ".old", model)
@@ -30,7 +61,7 @@ def main() -> None:
     pycolmap.match_exhaustive(database)
     before = model if os.path.isdir(model) else ""
     best = mapped(database, images, work, lenses, before)
-    if before and len(posed(best)) < (1 - LEFT) * len(lenses) and len(lenses) >= GROWN * read(last):
+    if before and len(posed(best)) < (1 - LEFT) * len(lenses) and len(lenses) >= GROWN * read(last, 0):
         anew = mapped(database, images, work, lenses, "")
         best = max(best, anew, key=lambda found: len(posed(found)))
         write(last, len(lenses))
@@ -38,7 +69,7 @@ def main() -> None:
         write(last, len(lenses))
     if posed(best):
         keep(best, model)
-    print(json.dumps({"posed": sorted(posed(best) & set(lenses))}))
+    return posed(best) & set(lenses)
 
 
 def extract(database: str, images: str, lenses: dict) -> None:
@@ -93,17 +124,18 @@ def keep(model, folder: str) -> None:
     shutil.rmtree(folder + ".old", ignore_errors=True)
 
 
-def read(file: str) -> int:
+def read(file: str, otherwise):
     try:
         with open(file, encoding="utf-8") as opened:
-            return int(json.load(opened))
-    except (OSError, ValueError):
-        return 0
+            return type(otherwise)(json.load(opened))
+    except (OSError, ValueError, TypeError):
+        return otherwise
 
 
-def write(file: str, number: int) -> None:
-    with open(file, "w", encoding="utf-8") as opened:
-        json.dump(number, opened)
+def write(file: str, what) -> None:
+    with open(file + ".new", "w", encoding="utf-8") as opened:
+        json.dump(what, opened)
+    os.replace(file + ".new", file)
 
 
 main()

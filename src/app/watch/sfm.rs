@@ -59,7 +59,7 @@ impl Sfm {
         self.work.join("sparse").join("0")
     }
 
-    /// Finds poses of photos below `images`, given by name with their lenses, and returns the names of those that have one. What an earlier
+    /// Finds poses of photos below `images`, given by name with their lenses and checksums, and returns the names of those that have one. What an earlier
     /// call found is where it begins.
     ///
     /// # Errors
@@ -68,10 +68,12 @@ impl Sfm {
         &self,
         images: &Path,
         lenses: &BTreeMap<String, String>,
+        checksums: &BTreeMap<String, u32>,
         mut go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Vec<String>> {
         let failed = |what: &str| Error::request(format!("pycolmap {} failed: {what}", self.version));
-        let request = serde_json::json!({ "images": images, "work": self.work, "lenses": lenses }).to_string();
+        let request =
+            serde_json::json!({ "images": images, "work": self.work, "lenses": lenses, "checksums": checksums });
         let mut child = Command::new(&self.python)
             .args(["-c", SCRIPT])
             .stdin(Stdio::piped())
@@ -79,7 +81,8 @@ impl Sfm {
             .stderr(Stdio::piped())
             .spawn()
             .map_err(|e| failed(&e.to_string()))?;
-        let (input, output, complaints) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
+        // It ends where this end of its input is closed, with this process at the latest.
+        let (mut input, output, complaints) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         // Both ends are drained while it runs: it would wait on a pipe that is full.
         let drained = |pipe: Option<Box<dyn Read + Send>>| {
             thread::spawn(move || {
@@ -92,9 +95,9 @@ impl Sfm {
         };
         let printed = drained(output.map(|pipe| Box::new(pipe) as Box<dyn Read + Send>));
         let complained = drained(complaints.map(|pipe| Box::new(pipe) as Box<dyn Read + Send>));
-        if let Some(mut input) = input {
+        if let Some(input) = &mut input {
             // Where it has ended already, its complaint says why.
-            let _ = input.write_all(request.as_bytes());
+            let _ = writeln!(input, "{request}").and_then(|()| input.flush());
         }
         let status = loop {
             if let Some(status) = child.try_wait().map_err(|e| failed(&e.to_string()))? {
@@ -108,12 +111,15 @@ impl Sfm {
             thread::sleep(BETWEEN_LOOKS);
         };
         let (printed, complained) = (printed.join().unwrap_or_default(), complained.join().unwrap_or_default());
-        let last = |text: &str| text.lines().rev().find(|line| !line.trim().is_empty()).map(str::to_owned);
+        drop(input);
+        // Frames of a crash are no message.
+        let says = |line: &&str| !line.trim().is_empty() && !line.trim_start().starts_with(['@', '*']);
+        let last = |text: &str| text.lines().rev().find(says).map(str::to_owned);
         let answer = last(&printed).and_then(|line| serde_json::from_str::<Answer>(&line).ok());
         match answer.filter(|_| status.success()) {
             Some(answer) => Ok(answer.posed),
             None => {
-                let why = last(&complained).unwrap_or_else(|| status.to_string());
+                let why = last(&complained).map_or_else(|| status.to_string(), |line| format!("{line} ({status})"));
                 Err(failed(&why.chars().take(COMPLAINT).collect::<String>()))
             }
         }

@@ -23,6 +23,8 @@ pub const MORE: u32 = 10;
 /// Gain of that many, in decibels, below which photos are enough, and above which they are not.
 const LITTLE: f64 = 0.25;
 const MUCH: f64 = 1.0;
+/// Share of what viewers look at that no photo shows, above which photos are not enough whatever ten more gain.
+const HIDDEN: f64 = 0.25;
 /// Error over the median, in decibels, from which a part of the surface is weak; its radius as a part of the surface's; its share of
 /// the points at least; how many are named.
 const WEAK_DB: f32 = 3.0;
@@ -125,6 +127,8 @@ impl Enough {
     /// Whether the photos are enough: "yes", "nearly" or "not yet", where [`MORE`] further ones were planned.
     pub fn answer(&self) -> &'static str {
         match self.gain_db {
+            // Ten more gain little, too, where they can hardly begin to show what is missing.
+            _ if self.unseen > HIDDEN => "not yet",
             gain if gain < LITTLE => "yes",
             gain if gain < MUCH => "nearly",
             _ => "not yet",
@@ -241,10 +245,12 @@ mod tests {
     /// If this failed, a capture that ten photos would help much would be called good enough.
     #[test]
     fn the_answer_follows_the_gain() {
-        let line = |gain_db: f64| {
+        let of = |gain_db: f64, unseen: f64| {
             let (more, gain_sd_db, weak) = (MORE, 0.4, Vec::new());
-            Enough { more, gain_db, gain_sd_db, unseen: 0.021, over_own_db: None, weak }.line()
+            Enough { more, gain_db, gain_sd_db, unseen, over_own_db: None, weak }.line()
         };
+        let line = |gain_db: f64| of(gain_db, 0.021);
+        assert!(of(0.1, 0.9).starts_with("not yet"));
         assert!(line(0.1).starts_with("yes: 10 more photos, wherever") && line(0.1).contains("2.1%"));
         assert!(line(0.6).starts_with("nearly: the 10 photos that help most would gain about 0.6 dB"));
         assert!(line(2.4).starts_with("not yet"));
