@@ -13,6 +13,7 @@ use qrcode::render::unicode::Dense1x2;
 
 use super::options::{DeviceOptions, print_messages};
 use super::photographed;
+use super::place;
 use super::progress::close_on_interrupt;
 use super::region::RegionOptions;
 use super::server::{Access, Served, Server};
@@ -246,17 +247,21 @@ impl Watch<'_> {
 
     /// Shows how many photos there are, and what is wrong with some; `posed` are those with a pose, where that is known.
     fn show(&self, photos: &[Arrival], posed: Option<&BTreeSet<String>>) {
-        let lost = |photo: &Arrival| posed.is_some_and(|posed| !posed.contains(&photo.name));
         let unplaced = match self.poses {
             Poses::Given => NO_POSE,
             Poses::Found(_) => UNPLACED,
         };
-        let flaw = |photo: &Arrival| {
-            let why = photo.flaw.clone().or_else(|| lost(photo).then(|| unplaced.into()))?;
-            Some(Flaw { name: photo.name.clone(), why })
-        };
-        let flaws: Vec<Flaw> = photos.iter().rev().filter_map(flaw).collect();
         self.board.change(|board| {
+            let lost = |photo: &Arrival| match posed {
+                Some(posed) => !posed.contains(&photo.name),
+                // As it was found the last time.
+                None => board.flaws.iter().any(|flaw| flaw.name == photo.name && flaw.why == unplaced),
+            };
+            let flaw = |photo: &Arrival| {
+                let why = photo.flaw.clone().or_else(|| lost(photo).then(|| unplaced.into()))?;
+                Some(Flaw { name: photo.name.clone(), why })
+            };
+            let flaws: Vec<Flaw> = photos.iter().rev().filter_map(flaw).collect();
             for flaw in flaws.iter().filter(|flaw| !board.flaws.contains(flaw)) {
                 say!("photo    {}: {}", flaw.name, flaw.why);
             }
@@ -375,11 +380,12 @@ impl Watch<'_> {
         if posed.is_empty() {
             return Ok(None);
         }
-        let (read, _) = session::overheard(|| photographed::read(&sfm.model(), None, true));
-        let (_, mut set) = read?;
+        let mut set = io::photos::read(&sfm.model(), &ReadOptions::default())?;
         for photo in &mut set.photos {
             photo.image = Some(self.images.join(&photo.camera.name)).filter(|file| file.is_file());
         }
+        let (metre, _) = session::overheard(|| place::metre(&set));
+        set.metre = metre?;
         let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
         let surface = Surface::Points(set.points.clone());
         Ok(Some((set, surface)))
