@@ -170,7 +170,7 @@ class Photographer:
         capture = self.photograph(self.first, self.work / "first")
         named = math.ceil((number - FIRST) * SKIPPED / (SKIPPED - 1))
         kept = ["--keep", capture, "--views", named, "--out", self.work / f"once{number}"]
-        self.run("plan", capture, *kept, "--space", "open", *self.preset, *self.arguments.options.split())
+        self.run("plan", capture, *kept, "--space", "open", *self.preset)
         poses = self.poses(self.work / f"once{number}", named)
         poses = [pose for i, pose in enumerate(poses, 1) if i % SKIPPED][: number - FIRST]
         return self.first + [self.missed(pose) for pose in poses]
@@ -223,7 +223,7 @@ def main():
     parser.add_argument("--iterations", type=int, default=5000)
     parser.add_argument("--max-splats", type=int, default=200000)
     parser.add_argument("--light", default="", help="options of capture, such as --light=--env=sky.hdr")
-    parser.add_argument("--options", default="", help="more options of next and of plan --keep")
+    parser.add_argument("--options", default="", help="more options of next, such as --options=--space=open")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with open(arguments.out / "psnr.csv", "a", newline="") as file:

@@ -130,6 +130,7 @@ fn what_has_no_next_photos_is_refused() {
             ("next nowhere", &["nowhere: ", "No such file"]),
             ("next wall --from nobody.png", &["wall: ", "no photo \"nobody.png\"", "--from"]),
             ("next wall --views 0", &["views", "0"]),
+            ("next wall --views 100000000", &["--views is 100000000", "give at most"]),
             ("next wall --json wall/points.ply", &["points.ply: ", "would be replaced"]),
         ],
     );

@@ -113,10 +113,11 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     config.validate()?;
     leave_on_interrupt()?;
     let context = arguments.device.open()?;
-    let advice = Advice::new(&context, &target, &cameras, None, &config, &mut || ControlFlow::Continue(()))?;
+    let mut advice = Advice::new(&context, &target, &cameras, None, &config, &mut || ControlFlow::Continue(()))?;
     print_messages(&context);
     let (unit, said) = way::unit(&photos, target.region.up);
-    let next = in_order(advice.further, last, &photos, &target.region, &unit);
+    advice.nearest_first(last.pose.position);
+    let next = ways(&advice.further, last, &photos, &target.region, &unit);
     let (enough, points) = (advice.enough, advice.points.into_iter().zip(advice.unseen));
     let uncovered = points.filter_map(|(point, unseen)| unseen.then_some(point)).collect();
     say!("photos   {}; no photo shows {:.1}% of what viewers look at", cameras.len(), 100.0 * enough.unseen);
@@ -154,7 +155,7 @@ fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target, Preset)> {
         let photos = PhotoSet { path: path.clone(), photos, ..PhotoSet::default() };
         let region = region.explored(&photos);
         let target = region.target(scene, &lens, None)?;
-        let preset = region.preset.unwrap_or_else(|| target.preset());
+        let preset = region.preset_of(&target);
         return Ok((photos, target, preset));
     }
     if !io::may_be_capture(scene) {
@@ -166,7 +167,7 @@ fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target, Preset)> {
     let file = arguments.surface.as_ref().unwrap_or(scene);
     let region = region.explored(&photos);
     let target = region.target_of(&surface, file, Some(&photos), &lens, None)?;
-    let preset = region.preset.unwrap_or_else(|| target.preset());
+    let preset = region.preset_of(&target);
     Ok((photos, target, preset))
 }
 
@@ -182,17 +183,15 @@ fn last<'c>(path: &Path, cameras: &'c [Camera], name: Option<&str>) -> Result<&'
     })
 }
 
-/// Photos to take, the nearest to `last` first, each with the way from the photo that is nearest to it.
-fn in_order(mut further: Vec<Camera>, last: &Camera, photos: &PhotoSet, region: &Region, unit: &Unit) -> Vec<Next> {
-    let distance = |camera: &Camera| camera.pose.position.distance(last.pose.position);
+/// Photos to take, named in their order, each with the way from the photo that is nearest to it.
+fn ways(further: &[Camera], last: &Camera, photos: &PhotoSet, region: &Region, unit: &Unit) -> Vec<Next> {
     let mut names: Vec<String> = further.iter().map(|camera| camera.name.clone()).collect();
     names.sort();
-    further.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
     let step = photos.step();
-    let way = |camera: &Camera| {
+    let next = |(camera, name): (&Camera, String)| {
         let nearest = photos.nearest(camera, step, |_| true);
-        Some(Way::new(&photos.photos[*nearest.first()?].camera, camera, region, unit))
+        let way = Way::new(&photos.photos[*nearest.first()?].camera, camera, region, unit);
+        Some(Next { name, way, distance: camera.pose.position.distance(last.pose.position) })
     };
-    let next = further.iter().zip(names);
-    next.filter_map(|(camera, name)| Some(Next { name, way: way(camera)?, distance: distance(camera) })).collect()
+    further.iter().zip(names).filter_map(next).collect()
 }

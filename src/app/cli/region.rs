@@ -238,21 +238,28 @@ impl RegionOptions {
     /// photos advice would lead around nothing.
     pub fn explored(mut self, photos: &PhotoSet) -> Self {
         // A few photos of one side look at no one thing yet.
-        if self.preset.is_none() && self.box_.is_none() && photos.photos.len() < FEW {
+        let poses: Vec<Pose> = photos.photos.iter().map(|photo| photo.camera.pose).collect();
+        let around = self.shell.is_some() || Shape::around_cameras(&poses).is_some();
+        if self.preset.is_none() && self.box_.is_none() && !around && poses.len() < FEW {
+            say!(
+                "region   as of an object, since fewer than {FEW} photos do not show what they look at (--preset room for a room)"
+            );
             self.preset = Some(Preset::Object);
         }
         if self.space.is_some() || self.reach.is_some() {
             return self;
         }
-        let poses: Vec<Pose> = photos.photos.iter().map(|photo| photo.camera.pose).collect();
-        let of_object = self.shell.is_some()
-            || self.preset == Some(Preset::Object)
-            || self.preset() == Preset::Object && Shape::around_cameras(&poses).is_some();
+        let of_object = self.preset == Some(Preset::Object) || self.preset() == Preset::Object && around;
         match photos.depth().filter(|_| !of_object) {
             Some(depth) => self.reach = Some(depth),
             None => self.space = Some(SpaceOption::Open),
         }
         self
+    }
+
+    /// The kind of scene that was asked for, or that the region is of.
+    pub fn preset_of(&self, target: &Target) -> Preset {
+        self.preset.unwrap_or_else(|| target.preset())
     }
 
     /// Reads a surface and settles its region; prints what was understood. What the options leave out is taken from

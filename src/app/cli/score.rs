@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         held_out: arguments.held_out,
         viewers,
         gate: if arguments.cone { Gate::Soft } else { Gate::Pinhole },
-        ..Config::new(arguments.region.preset.unwrap_or_else(|| target.preset()), cameras.len() as u32)
+        ..Config::new(arguments.region.preset_of(&target), cameras.len() as u32)
     };
     let (expected, metrics) = pipeline::score(&context, &target, &cameras, kept, &config)?;
     let further = Config { views: MORE, ..config };

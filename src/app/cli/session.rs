@@ -184,15 +184,15 @@ impl Listener for Overhearing {
     }
 }
 
-/// Calls `work`, and returns what it would have printed beside what it returns.
-pub fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
+/// Calls `work`; what it would have printed is added to `lines`.
+pub fn overheard<T>(lines: &mut Vec<String>, work: impl FnOnce() -> T) -> T {
     let of = current();
     let listener = Arc::new(Overhearing { lines: Mutex::default(), of: Arc::clone(&of) });
     let inner =
         Arc::new(Session { options: of.options.clone(), listener: Some(listener.clone()), ..Session::default() });
     let done = inner.within(work);
-    let lines = std::mem::take(&mut *lock(&listener.lines));
-    (done, lines)
+    lines.append(&mut lock(&listener.lines));
+    done
 }
 
 /// The options of the command that the arguments name, see [`Session::with_options`].

@@ -180,8 +180,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 
 /// The folders that the photos of a capture lie in, by their path from `images`: others have masks, depths and the like.
 fn folders_of_photos(capture: &Path, images: &Path) -> Result<Vec<String>> {
-    let (read, _) = session::overheard(|| io::photos::read(capture, &ReadOptions::from(Images::SkipMissing)));
-    let files = read?.photos.into_iter().filter_map(|photo| photo.image);
+    let files = io::photos::read(capture, &ReadOptions::from(Images::SkipMissing))?
+        .photos
+        .into_iter()
+        .filter_map(|photo| photo.image);
     let folders: BTreeSet<String> = files.filter_map(|file| below(images, file.parent()?)).collect();
     Ok(folders.into_iter().collect())
 }
@@ -201,7 +203,11 @@ fn below(folder: &Path, file: &Path) -> Option<String> {
 fn serve(arguments: &Arguments, board: Arc<Shared>) -> Result<Server> {
     let site = move |path: &str| match path {
         "" => Some(Ok(Served::Html(PAGE.into()))),
-        _ => Some(board.json(path.strip_prefix("board/")?.parse().ok()).map(Served::Json)),
+        _ => {
+            // By the version that the page has; a negative one is none.
+            let had: i64 = path.strip_prefix("board/")?.parse().ok()?;
+            Some(board.json(u64::try_from(had).ok()).map(Served::Json))
+        }
     };
     let access = Access { port: arguments.port, shared: arguments.share, asks: true };
     let server = Server::bind(access, None, Box::new(site))?;
@@ -318,14 +324,15 @@ impl Watch<'_> {
     fn step(&self, photos: &[Arrival]) -> Result<Option<String>> {
         let usable: BTreeMap<String, &Arrival> =
             photos.iter().filter(|photo| photo.flaw.is_none()).map(|photo| (photo.name.clone(), photo)).collect();
+        let mut notes = Vec::new();
         let (set, surface) = match &self.poses {
-            Poses::Given => self.given(&usable)?,
+            Poses::Given => self.given(&usable, &mut notes)?,
             Poses::Found(sfm) => {
                 if usable.len() < FEWEST {
                     return Ok(Some(self.too_few(0, MORE_PHOTOS)));
                 }
                 self.stage(&format!("Finding out where {} photos were taken", usable.len()));
-                match self.found(sfm, &usable)? {
+                match self.found(sfm, &usable, &mut notes)? {
                     Some(found) => found,
                     None => return Ok(Some(self.too_few(0, SMALLER_STEPS))),
                 }
@@ -341,7 +348,8 @@ impl Watch<'_> {
             photos.iter().rev().find_map(|taken| set.photos.iter().find(|photo| photo.camera.name == taken.name));
         // There are at least three.
         let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(None) };
-        let shown = self.advice(&set, &surface, &last)?;
+        let shown = self.advice(&set, &surface, &last, &mut notes)?;
+        let shown = shown.map(|shown| Shown { notes, ..shown });
         if let Some(shown) = &shown {
             say!("photos   {} of {} have a pose", posed.len(), photos.len());
             say!("enough   {}: {} {}", shown.enough, shown.gain, shown.hidden);
@@ -361,9 +369,8 @@ impl Watch<'_> {
     }
 
     /// The capture that the folder is.
-    fn given(&self, usable: &BTreeMap<String, &Arrival>) -> Result<(PhotoSet, Surface)> {
-        let (read, _) = session::overheard(|| photographed::read(&self.arguments.folder, None, true));
-        let (surface, mut set) = read?;
+    fn given(&self, usable: &BTreeMap<String, &Arrival>, notes: &mut Vec<String>) -> Result<(PhotoSet, Surface)> {
+        let (surface, mut set) = session::overheard(notes, || photographed::read(&self.arguments.folder, None, true))?;
         for photo in &mut set.photos {
             if let Some(name) = photo.image.as_deref().and_then(|file| below(&self.images, file)) {
                 photo.camera.name = name;
@@ -373,7 +380,12 @@ impl Watch<'_> {
     }
 
     /// The capture that structure from motion makes of photos; none where it places none.
-    fn found(&self, sfm: &Sfm, usable: &BTreeMap<String, &Arrival>) -> Result<Option<(PhotoSet, Surface)>> {
+    fn found(
+        &self,
+        sfm: &Sfm,
+        usable: &BTreeMap<String, &Arrival>,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(PhotoSet, Surface)>> {
         let lenses = usable.iter().map(|(name, photo)| (name.clone(), photo.lens.clone())).collect();
         let checksums = usable.iter().map(|(name, photo)| (name.clone(), photo.checksum)).collect();
         let posed: BTreeSet<String> = sfm.pose(&self.images, &lenses, &checksums, go_on)?.into_iter().collect();
@@ -384,37 +396,40 @@ impl Watch<'_> {
         for photo in &mut set.photos {
             photo.image = Some(self.images.join(&photo.camera.name)).filter(|file| file.is_file());
         }
-        let (metre, _) = session::overheard(|| place::metre(&set));
-        set.metre = metre?;
+        notes.append(&mut set.notes);
+        set.metre = session::overheard(notes, || place::metre(&set))?;
         let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
         let surface = Surface::Points(set.points.clone());
         Ok(Some((set, surface)))
     }
 
     /// What to do next, and how it is shown.
-    fn advice(&self, set: &PhotoSet, surface: &Surface, last: &Camera) -> Result<Option<Shown>> {
+    fn advice(
+        &self,
+        set: &PhotoSet,
+        surface: &Surface,
+        last: &Camera,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
-        let region = region.clone().explored(set);
-        let (target, _) = session::overheard(|| {
-            let mut of = set.clone();
-            of.path.clone_from(folder);
-            region.target_of(surface, folder, Some(&of), &last.intrinsics, None)
-        });
-        let target = target?;
-        let preset = region.preset.unwrap_or_else(|| target.preset());
+        let (target, preset) = session::overheard(notes, || {
+            let of = PhotoSet { path: folder.clone(), ..set.clone() };
+            let region = region.clone().explored(set);
+            let target = region.target_of(surface, folder, Some(&of), &last.intrinsics, None)?;
+            let preset = region.preset_of(&target);
+            Ok::<_, Error>((target, preset))
+        })?;
         let config =
             Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..Config::new(preset, MORE) };
         config.validate()?;
         let cameras = set.cameras();
-        let advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
-        let mut next = advice.further.clone();
-        let distance = |camera: &Camera| camera.pose.position.distance(last.pose.position);
-        next.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        next.truncate(SHOWN);
+        let mut advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
+        advice.nearest_first(last.pose.position);
+        let next = &advice.further[..SHOWN.min(advice.further.len())];
         let kind = match preset {
             Preset::Object => "as an object, seen from around it (--preset room says that it is a room)",
             Preset::Room => "as a room, seen from inside (--preset object says that it is an object)",
         };
-        Shown::new(&advice, &next, set, &target.region, kind)
+        Shown::new(&advice, next, set, &target.region, kind)
     }
 }

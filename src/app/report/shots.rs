@@ -35,6 +35,13 @@ pub struct Shot {
     pub unseen: f64,
 }
 
+impl Shot {
+    /// Whether most of it is in no photo nearby.
+    pub fn is_new(&self) -> bool {
+        self.unseen > MOSTLY
+    }
+}
+
 /// What `shots.json` holds.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShotList {
@@ -147,7 +154,7 @@ impl Shots {
                 let (length, unit) = (height / self.list.unit_length, if metric { "m" } else { "steps" });
                 format!(" The lens is {length:.1} {unit} above the floor.")
             });
-            let new = if shot.unseen > MOSTLY { " Most of this no photo nearby shows yet." } else { "" };
+            let new = if shot.is_new() { " Most of this no photo nearby shows yet." } else { "" };
             let _ = write!(
                 html,
                 "<li><div class=\"pair\"><figure data-camera=\"{i}\"><img src=\"{}\" alt=\"what shot {} should show\"></figure>\

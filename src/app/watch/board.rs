@@ -68,6 +68,8 @@ pub struct Shown {
     pub weak: Vec<String>,
     /// What kind of scene it is planned for, in words.
     pub kind: &'static str,
+    /// What was understood of the photos, and left out, a line each.
+    pub notes: Vec<String>,
     /// What lengths are said in.
     pub unit: String,
     /// Where to stand next, the nearest first.
@@ -91,9 +93,6 @@ pub struct Place {
     pub start: String,
 }
 
-/// Part of a picture that is new from which on that is said.
-const MOSTLY: f64 = 0.5;
-
 impl Shown {
     /// Of advice on `photos` of a scene of some `kind`; `next` are those of its places that are shown, in their order. None where no photo has an image.
     ///
@@ -113,7 +112,7 @@ impl Shown {
             from: shot.way.from.clone(),
             words: shot.way.words.clone(),
             picture: jpeg_url(&shots.pictures[i]),
-            new: shot.unseen > MOSTLY,
+            new: shot.is_new(),
             start: shots.start(i).map(jpeg_url).unwrap_or_default(),
         });
         let fill = |(error, unseen): (&f32, &bool)| match unseen {
@@ -141,6 +140,7 @@ impl Shown {
             unseen,
             weak: advice.enough.weak.iter().map(|weak| weak.line()).collect(),
             kind,
+            notes: Vec::new(),
             unit: shots.list.unit.clone(),
             next: places.collect(),
             map,

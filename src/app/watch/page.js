@@ -42,6 +42,7 @@ function draw(board) {
   // Made by camsplat, with every name in it escaped.
   element("map").innerHTML = advice.map;
   element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
+  element("notes").replaceChildren(...advice.notes.map((line) => made("li", { textContent: line })));
   say("unit", `Planned ${advice.kind}. Unit of length: ${advice.unit}.`);
 }
 

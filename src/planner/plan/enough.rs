@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::config::Config;
 use super::pipeline::expected_beside;
+use super::preparation::Preparation;
 use super::problem::Problem;
 use super::reference::Reference;
 use super::target::Target;
@@ -67,7 +68,7 @@ pub struct Weak {
 pub struct Advice {
     /// In numbers.
     pub enough: Enough,
-    /// Where further photos help most, all of them together, in the user's world and in no order.
+    /// Where further photos help most, all of them together, in the user's world; in no order before [`Self::nearest_first`].
     pub further: Vec<Camera>,
     /// Points of the surface, in the user's world, and what is expected there of the photos: decibels of error over the median.
     pub points: Vec<DVec3>,
@@ -94,11 +95,13 @@ impl Advice {
         let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
         let problem = Problem::new(target, first.intrinsics, cameras)?;
         let scene = Arc::new(problem.on(context)?);
+        // The first, since it refuses more photos than fit the device.
+        let preparation = Preparation::new(context, &problem, config.clone())?;
         let reference = Reference::observed(context, &problem, &scene, config, go_on)?;
         let before = reference.expect(&[])?;
         let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
         let over_own_db = own.map(|own| own.error_db - before.error_db);
-        let (after, poses) = expected_beside(context, &problem, &scene, &reference, config.clone(), go_on)?;
+        let (after, poses) = expected_beside(context, &scene, &reference, preparation, go_on)?;
         let held_out = problem.held_out(config);
         let points: Vec<DVec3> = held_out.iter().map(|point| point.position).collect();
         let errors = reference.prediction(cameras, &points)?.map.points;
@@ -120,6 +123,14 @@ impl Advice {
         };
         let unseen = mapped(&held_out, |_, point| hidden(point));
         Ok(Self { enough, further, points, errors, unseen })
+    }
+}
+
+impl Advice {
+    /// Sorts the further photos by how far they are from a place, in the user's world.
+    pub fn nearest_first(&mut self, place: DVec3) {
+        let away = |camera: &Camera| camera.pose.position.distance(place);
+        self.further.sort_by(|a, b| away(a).total_cmp(&away(b)));
     }
 }
 

@@ -182,23 +182,22 @@ pub fn expected_plan(
     config: Config,
 ) -> Result<(Expectation, Vec<Pose>)> {
     let scene = Arc::new(problem.on(context)?);
+    let preparation = Preparation::new(context, problem, config.clone())?;
     let reference = Reference::new(context, problem, &scene, &config)?;
-    expected_beside(context, problem, &scene, &reference, config, &mut || ControlFlow::Continue(()))
+    expected_beside(context, &scene, &reference, preparation, &mut || ControlFlow::Continue(()))
 }
 
-/// [`expected_plan`] of a scene whose simple layouts have been judged; `go_on` is asked between iterations and may stop it.
+/// [`expected_plan`] of what is prepared, beside simple layouts that have been judged; `go_on` is asked between iterations and may stop it.
 ///
 /// # Errors
 /// As [`run`], and [`Error::Interrupted`] where it was stopped.
 pub(super) fn expected_beside(
     context: &Arc<Context>,
-    problem: &Problem<'_>,
     scene: &Arc<DeviceScene>,
     reference: &Reference<'_>,
-    config: Config,
+    preparation: Preparation,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let preparation = Preparation::new(context, problem, config)?;
     let preparation = preparation.starting_from(&reference.best().poses);
     let (planner, mut outcome) = optimise(context, scene, preparation, None, |_, _| go_on())?;
     drop(planner);
