@@ -69,7 +69,7 @@ fn walk() -> Vec<Taken> {
 }
 
 /// A place with the walk as `walk/000.png` and so on.
-fn filmed() -> Place {
+pub fn filmed() -> Place {
     let place = Place::new();
     fs::create_dir(place.path("walk")).unwrap();
     for (i, Taken { x, y, blur }) in walk().into_iter().enumerate() {
@@ -263,7 +263,7 @@ fn what_an_earlier_run_left_is_reported() {
     );
 }
 
-fn has_ffmpeg() -> bool {
+pub fn has_ffmpeg() -> bool {
     let found = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
     if !found {
         println!("skipped: there is no ffmpeg");
@@ -272,7 +272,7 @@ fn has_ffmpeg() -> bool {
 }
 
 /// Runs ffmpeg with arguments separated by spaces.
-fn ffmpeg(place: &Place, arguments: &str) {
+pub fn ffmpeg(place: &Place, arguments: &str) {
     let mut command = Command::new("ffmpeg");
     command.args(["-hide_banner", "-loglevel", "error", "-nostdin"]).args(arguments.split_whitespace());
     let output = command.current_dir(place.path("")).output().unwrap();

@@ -107,9 +107,10 @@ impl Served {
         format!("http://127.0.0.1:{}{}/", self.port, self.secret)
     }
 
-    pub fn end(mut self) {
+    pub fn end(mut self) -> String {
         let ran = stop(self.child.take().unwrap(), self.output.take().unwrap(), "-INT");
         assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""), "{}", ran.out);
+        ran.out
     }
 }
 

@@ -4,6 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
+use super::frames::{ffmpeg, filmed, has_ffmpeg};
 use super::shots::{capture_wall, row};
 use super::view_command::Served;
 use crate::support::browser::rendered_at;
@@ -149,6 +150,68 @@ fn photos_without_poses_are_placed_by_structure_from_motion() {
     assert_eq!((shown["posed"].as_u64(), &shown["fault"]), (Some(5), &Value::Null), "{shown}");
     served.end();
     assert_eq!(fs::read_dir(place.path("photos")).unwrap().count(), 7, "six photos and one hidden folder");
+}
+
+/// If this failed, who films would have to take the video apart first, or a video that cannot be read would go unnoticed.
+#[test]
+fn frames_of_a_video_are_photos() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let place = filmed();
+    python(&place, r#"echo '{"posed": []}'"#);
+    fs::create_dir(place.path("photos")).unwrap();
+    place.write("photos/broken.mp4", "no video");
+    fs::create_dir(place.path("photos/state")).unwrap();
+    let options = format!("watch photos --out photos/state --python {}", place.path("python").display());
+    let mut served = Served::begun(&place, &options, "page ");
+    assert!(served.until("photo    broken.mp4: ").contains("ffmpeg finds no video in it"));
+    ffmpeg(&place, "-framerate 10 -i walk/%03d.png -pix_fmt yuv420p photos/.part.mp4");
+    fs::rename(place.path("photos/.part.mp4"), place.path("photos/walk.mp4")).unwrap();
+    let said = served.until("video    walk.mp4: ");
+    let frames: u64 = said.split_whitespace().nth(2).unwrap().parse().unwrap();
+    let of_walk = |name: &&String| name.starts_with("state/videos/walk.mp4/images/");
+    assert!(frames >= 8 && place.files("photos").iter().filter(of_walk).count() as u64 == frames, "{said}");
+    await_photos(&served, frames);
+    // The next run does not read it again, and a video that is deleted takes its frames along.
+    served.end();
+    let served = Served::begun(&place, &options, "page ");
+    await_photos(&served, frames);
+    fs::remove_file(place.path("photos/walk.mp4")).unwrap();
+    await_photos(&served, 0);
+    let said = served.end();
+    assert!(!said.contains("\nvideo "), "{said}");
+}
+
+/// Waits until so many photos are shown.
+fn await_photos(served: &Served, number: u64) {
+    while board(served)["photos"].as_u64() != Some(number) {
+        std::thread::yield_now();
+    }
+}
+
+/// If this failed, poses that come later would be ignored, or a folder that is away for a moment would count as deleted photos.
+#[test]
+fn poses_may_come_later_and_a_folder_may_go_and_come_back() {
+    let place = Place::new();
+    capture_wall(&place.path("wall"), &row("png")[..5], false);
+    fs::create_dir(place.path("photos")).unwrap();
+    fs::rename(place.path("wall/images"), place.path("photos/images")).unwrap();
+    python(&place, r#"echo '{"posed": []}'"#);
+    let options = format!("watch photos --out state --python {}", place.path("python").display());
+    let mut served = Served::begun(&place, &options, "page ");
+    served.until("photos   0 with a pose");
+    fs::rename(place.path("wall/sparse"), place.path("photos/sparse")).unwrap();
+    served.until("photos   5 of 5 have a pose");
+    served.until("next 5");
+    fs::rename(place.path("photos"), place.path("away")).unwrap();
+    served.until("failed   photos is gone");
+    let shown = board(&served);
+    assert!(shown["photos"] == 5 && shown["fault"].as_str().unwrap().contains("when it is back"), "{shown}");
+    fs::rename(place.path("away"), place.path("photos")).unwrap();
+    served.until("photos   5 of 5 have a pose");
+    served.until("next 5");
+    served.end();
 }
 
 /// If this failed, Ctrl-C would wait for minutes of structure from motion, or leave it running.

@@ -1,5 +1,6 @@
 //! A web server for browsers on this machine, or on the local network: a page, what it asks for, and the files of a folder.
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
@@ -13,8 +14,9 @@ use percent_encoding::percent_decode_str;
 use super::session::go_on;
 use crate::{Error, Result};
 
-/// Connections that are answered at once. Browsers keep some open without a request.
+/// Connections that are answered at once, of all and of one other machine. Browsers keep some open without a request.
 const CONNECTIONS: usize = 64;
+const OF_ONE: usize = 16;
 /// Time between two looks at whether someone connects, and whether to stop.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(10);
 /// How long a request may take to arrive, and the reader of an answer to take more of it.
@@ -59,6 +61,23 @@ pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
     shown: Arc<Shown>,
+}
+
+/// Connections that are open, by the machine at their other end; each holds its count as long as it is.
+#[derive(Default)]
+struct Open(HashMap<IpAddr, Arc<()>>);
+
+impl Open {
+    fn count(&mut self) -> usize {
+        self.0.retain(|_, held| Arc::strong_count(held) > 1);
+        self.0.values().map(|held| Arc::strong_count(held) - 1).sum()
+    }
+
+    /// Counts one more; none where another machine has as many as one may have.
+    fn hold(&mut self, peer: IpAddr) -> Option<Arc<()>> {
+        let held = self.0.entry(peer).or_default();
+        (peer.is_loopback() || Arc::strong_count(held) <= OF_ONE).then(|| Arc::clone(held))
+    }
 }
 
 struct Shown {
@@ -127,12 +146,14 @@ impl Server {
 
     /// Answers requests until the user stops it; a client that does not read its answer holds up neither the others nor the end.
     pub fn serve(&self) {
-        let open = Arc::new(());
+        let mut open = Open::default();
         while go_on().is_continue() {
             // Those beyond the limit wait with the system.
-            let accepted = (Arc::strong_count(&open) <= CONNECTIONS).then(|| self.listener.accept());
-            if let Some(Ok((stream, _))) = accepted {
-                let (shown, held) = (Arc::clone(&self.shown), Arc::clone(&open));
+            let accepted = (open.count() < CONNECTIONS).then(|| self.listener.accept());
+            if let Some(Ok((stream, peer))) = accepted {
+                // One machine that keeps connections open does not keep others out.
+                let Some(held) = open.hold(peer.ip()) else { continue };
+                let shown = Arc::clone(&self.shown);
                 // One that has gone away needs no answer; where the system has no thread left, closing is all that can be done.
                 let _ = thread::Builder::new().spawn(move || {
                     let _ = shown.answer(stream);
@@ -259,5 +280,24 @@ fn media_type(file: &Path) -> &'static str {
         Some("json") => "application/json",
         Some("csv" | "md" | "txt") => "text/plain; charset=utf-8",
         _ => "application/octet-stream",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, one machine in the network could keep all others from the page, or a browser of this machine be refused.
+    #[test]
+    fn one_machine_does_not_take_all_connections() {
+        let mut open = Open::default();
+        let (phone, tablet) = (IpAddr::from([192, 0, 2, 7]), IpAddr::from([192, 0, 2, 8]));
+        let mut held: Vec<_> = (0..OF_ONE + 5).filter_map(|_| open.hold(phone)).collect();
+        assert_eq!((held.len(), open.count()), (OF_ONE, OF_ONE));
+        held.extend(open.hold(tablet));
+        held.extend((0..2 * OF_ONE).filter_map(|_| open.hold(Ipv4Addr::LOCALHOST.into())));
+        assert_eq!(open.count(), 3 * OF_ONE + 1);
+        drop(held.drain(..OF_ONE));
+        assert!(open.count() == 2 * OF_ONE + 1 && open.hold(phone).is_some());
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -20,14 +20,15 @@ use super::server::{Access, Served, Server};
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
 use crate::app::watch::board::{Flaw, PAGE, Shared, Shown};
-use crate::app::watch::inbox::{Arrival, Inbox};
+use crate::app::watch::given::{PoseFiles, folders_of_photos};
+use crate::app::watch::inbox::{Arrival, Inbox, below};
 use crate::app::watch::sfm::Sfm;
+use crate::app::watch::video::{self, Videos};
 use crate::engine::parallel::lock;
 use crate::engine::vulkan::Context;
 use crate::files::io;
-use crate::files::io::colmap;
+use crate::files::io::photos::ReadOptions;
 use crate::files::io::photos::files::images_in;
-use crate::files::io::photos::{Images, ReadOptions};
 use crate::files::photos::PhotoSet;
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Advice, MORE};
@@ -39,8 +40,8 @@ use crate::{Error, Result};
 /// Arguments of `camsplat watch`.
 #[derive(Args, Debug)]
 pub struct Arguments {
-    /// Folder that photos arrive in, by any means. Where it is a capture with poses (of Polycam, Record3D, a transforms.json, COLMAP), those
-    /// are taken; else COLMAP finds them
+    /// Folder that photos and videos arrive in, by any means. Where it is a capture with poses (of Polycam, Record3D, a transforms.json,
+    /// COLMAP), those are taken; else COLMAP finds them. Of videos frames are chosen, which needs ffmpeg
     folder: PathBuf,
     /// Folder for what is worked out; nothing else is written [default: .camsplat in the folder of the photos]
     #[arg(long, value_name = "FOLDER")]
@@ -71,16 +72,6 @@ pub struct Arguments {
 
 /// Folder of what is worked out, in the folder of the photos.
 const HIDDEN: &str = ".camsplat";
-/// What has the poses of captures, beside COLMAP's models; of folders the time counts at which one was added.
-const POSES: [&str; 6] = [
-    "transforms.json",
-    "transforms_train.json",
-    "metadata",
-    "keyframes/cameras",
-    "keyframes/corrected_cameras",
-    "pose",
-];
-const COLMAP: [&str; 6] = ["images.bin", "images.txt", "points3D.bin", "points3D.txt", "cameras.bin", "cameras.txt"];
 /// Between two looks at the folder.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(500);
 /// Between two looks at whether there is anything to do, or to stop.
@@ -102,26 +93,30 @@ const HELD_OUT: u32 = 1000;
 const UNPLACED: &str = "could not be placed: it shows too little of what others show; take one between it and them";
 const NO_POSE: &str = "has no pose yet in the files of the capture";
 
-/// Where poses come from.
-enum Poses {
-    /// They lie beside the photos.
-    Given,
-    /// From structure from motion.
-    Found(Sfm),
-}
-
 /// One run.
 struct Watch<'a> {
     arguments: &'a Arguments,
     context: Arc<Context>,
     viewers: Viewers,
-    poses: Poses,
+    /// What finds poses where none lie beside the photos; none as long as it was not needed.
+    sfm: Mutex<Option<Sfm>>,
     board: Arc<Shared>,
     /// The photos that are there, and how often they have changed.
     arrived: Mutex<(u64, Vec<Arrival>)>,
     changed: Condvar,
+    videos: Mutex<Videos>,
     /// Where the photos lie.
     images: PathBuf,
+    /// Folder of what is worked out.
+    work: PathBuf,
+}
+
+/// What is looked at every now and then.
+struct Looks {
+    inbox: Inbox,
+    /// Frames of videos.
+    frames: Inbox,
+    poses: PoseFiles,
 }
 
 /// Watches until the user stops it.
@@ -134,10 +129,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     arguments.region.choice()?;
     let viewers = arguments.viewers.viewers()?;
     let work = arguments.out.clone().unwrap_or_else(|| folder.join(HIDDEN));
-    let poses = match io::photos::is_capture(folder) {
-        true => Poses::Given,
-        false => Poses::Found(Sfm::find(&arguments.python, &work.join("sfm"))?),
-    };
+    let given = io::photos::is_capture(folder);
+    let sfm = if given { None } else { Some(Sfm::find(&arguments.python, &work.join("sfm"))?) };
     let kept = work.join("photos.json");
     io::folder::make_parent(&kept)?;
     // It ends with the process, however that ends.
@@ -153,50 +146,31 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     close_on_interrupt()?;
     let context = arguments.device.open()?;
     say!("device   {}", context.physical().title());
-    match &poses {
-        Poses::Given => say!("poses    of {}, as they lie there", folder.display()),
-        Poses::Found(sfm) => say!("poses    by COLMAP (pycolmap {})", sfm.version),
+    match &sfm {
+        None => say!("poses    of {}, as they lie there", folder.display()),
+        Some(sfm) => say!("poses    by COLMAP (pycolmap {})", sfm.version),
     }
     let board = Arc::new(Shared::default());
     let title = folder.canonicalize().unwrap_or_else(|_| folder.clone());
     board.change(|board| board.title = title.file_name().unwrap_or_default().to_string_lossy().into_owned());
     let server = serve(arguments, Arc::clone(&board))?;
-    let inbox = Inbox::open(&images, &kept)?;
-    let mut inbox = match poses {
-        Poses::Given => inbox.of_capture(folders_of_photos(folder, &images)?, files_of_poses(folder)),
-        Poses::Found(_) => inbox,
-    };
-    let (arrived, changed) = (Mutex::default(), Condvar::new());
-    let watch = Watch { arguments, context, viewers, poses, board, arrived, changed, images };
+    let videos = Videos::new(folder, &work);
+    let frames = Inbox::open(videos.frames(), &work.join("frames.json"))?;
+    let mut looks = Looks { inbox: Inbox::open(&images, &kept)?, frames, poses: PoseFiles::new(folder) };
+    if given {
+        // A capture that cannot be read is refused at once.
+        folders_of_photos(folder, &images)?;
+    }
+    let (arrived, changed, sfm, videos) = (Mutex::default(), Condvar::new(), Mutex::new(sfm), Mutex::new(videos));
+    let watch = Watch { arguments, context, viewers, sfm, board, arrived, changed, videos, images, work };
     let session = session::current();
     thread::scope(|scope| {
-        scope.spawn(|| session.within(|| watch.look_after(&mut inbox)));
+        scope.spawn(|| session.within(|| watch.look_after(&mut looks)));
         scope.spawn(|| session.within(|| watch.advise_on_and_on()));
         server.serve();
     });
     print_messages(&watch.context);
     Ok(Ended::Done)
-}
-
-/// The folders that the photos of a capture lie in, by their path from `images`: others have masks, depths and the like.
-fn folders_of_photos(capture: &Path, images: &Path) -> Result<Vec<String>> {
-    let files = io::photos::read(capture, &ReadOptions::from(Images::SkipMissing))?
-        .photos
-        .into_iter()
-        .filter_map(|photo| photo.image);
-    let folders: BTreeSet<String> = files.filter_map(|file| below(images, file.parent()?)).collect();
-    Ok(folders.into_iter().collect())
-}
-
-/// What says where photos of a capture were taken, as far as it is there: the files of all kinds of captures.
-fn files_of_poses(capture: &Path) -> Vec<PathBuf> {
-    let files = POSES.iter().map(|name| capture.join(name));
-    files.chain(colmap::model_folder(capture).iter().flat_map(|model| COLMAP.map(|name| model.join(name)))).collect()
-}
-
-/// The path of a file from a folder, with `/` between folders.
-fn below(folder: &Path, file: &Path) -> Option<String> {
-    Some(file.strip_prefix(folder).ok()?.to_string_lossy().replace('\\', "/"))
 }
 
 /// Opens the page and says where it is.
@@ -231,18 +205,27 @@ fn serve(arguments: &Arguments, board: Arc<Shared>) -> Result<Server> {
 
 impl Watch<'_> {
     /// Looks at the folder every now and then, and says at once which photos are of no use.
-    fn look_after(&self, inbox: &mut Inbox) {
+    fn look_after(&self, looks: &mut Looks) {
         // Photos that lie there already are looked at by the second one; what an earlier run has seen counts as well.
-        inbox.scan();
+        self.look(looks);
         let mut first = true;
         while go_on().is_continue() {
             let begun = Instant::now();
-            if inbox.scan() | std::mem::take(&mut first) {
-                let photos = inbox.photos();
-                self.show(&photos, None);
-                let mut arrived = lock(&self.arrived);
-                *arrived = (arrived.0 + 1, photos);
-                self.changed.notify_all();
+            if self.arguments.folder.is_dir() {
+                if self.look(looks) | std::mem::take(&mut first) {
+                    let mut photos = [looks.inbox.photos(), looks.frames.photos()].concat();
+                    photos.sort_by_key(|photo| photo.written);
+                    self.show(&photos, None);
+                    let mut arrived = lock(&self.arrived);
+                    *arrived = (arrived.0 + 1, photos);
+                    self.changed.notify_all();
+                }
+            } else if !first {
+                // Photos that were moved away with their folder are not deleted.
+                let gone = format!("{} is gone; this goes on when it is back", self.arguments.folder.display());
+                say!("failed   {gone}");
+                self.board.change(|board| board.fault = Some(gone));
+                first = true;
             }
             while begun.elapsed() < BETWEEN_LOOKS && go_on().is_continue() {
                 thread::sleep(SHORT);
@@ -251,12 +234,32 @@ impl Watch<'_> {
         self.changed.notify_all();
     }
 
+    /// Whether photos, videos or poses have changed.
+    fn look(&self, looks: &mut Looks) -> bool {
+        let folder = &self.arguments.folder;
+        let mut changed = looks.poses.scan();
+        if changed {
+            let given = io::photos::is_capture(folder).then(|| folders_of_photos(folder, &self.images));
+            match given.transpose() {
+                Ok(folders) => looks.inbox.look_only_in(folders),
+                // A file that is being written; once it is, it has changed again.
+                Err(error) => say!("failed   {error}"),
+            }
+        }
+        let mut videos = lock(&self.videos);
+        changed |= videos.scan();
+        looks.frames.look_only_in(Some(videos.folders()));
+        drop(videos);
+        changed | looks.inbox.scan() | looks.frames.scan()
+    }
+
     /// Shows how many photos there are, and what is wrong with some; `posed` are those with a pose, where that is known.
     fn show(&self, photos: &[Arrival], posed: Option<&BTreeSet<String>>) {
-        let unplaced = match self.poses {
-            Poses::Given => NO_POSE,
-            Poses::Found(_) => UNPLACED,
+        let unplaced = match io::photos::is_capture(&self.arguments.folder) {
+            true => NO_POSE,
+            false => UNPLACED,
         };
+        let videos = lock(&self.videos).faults();
         self.board.change(|board| {
             let lost = |photo: &Arrival| match posed {
                 Some(posed) => !posed.contains(&photo.name),
@@ -267,7 +270,8 @@ impl Watch<'_> {
                 let why = photo.flaw.clone().or_else(|| lost(photo).then(|| unplaced.into()))?;
                 Some(Flaw { name: photo.name.clone(), why })
             };
-            let flaws: Vec<Flaw> = photos.iter().rev().filter_map(flaw).collect();
+            let videos = videos.into_iter().map(|(name, why)| Flaw { name, why });
+            let flaws: Vec<Flaw> = videos.chain(photos.iter().rev().filter_map(flaw)).collect();
             for flaw in flaws.iter().filter(|flaw| !board.flaws.contains(flaw)) {
                 say!("photo    {}: {}", flaw.name, flaw.why);
             }
@@ -322,17 +326,21 @@ impl Watch<'_> {
 
     /// Poses, and advice, for the photos that are there; what to do where there are too few for that.
     fn step(&self, photos: &[Arrival]) -> Result<Option<String>> {
-        let usable: BTreeMap<String, &Arrival> =
-            photos.iter().filter(|photo| photo.flaw.is_none()).map(|photo| (photo.name.clone(), photo)).collect();
+        let given = io::photos::is_capture(&self.arguments.folder);
+        if let (false, Some(read)) = (given, self.read_video()?) {
+            // Its frames arrive as other photos do.
+            return Ok(Some(read));
+        }
+        let usable: Vec<&Arrival> = photos.iter().filter(|photo| photo.flaw.is_none()).collect();
         let mut notes = Vec::new();
-        let (set, surface) = match &self.poses {
-            Poses::Given => self.given(&usable, &mut notes)?,
-            Poses::Found(sfm) => {
+        let (set, surface) = match given {
+            true => self.given(&usable, &mut notes)?,
+            false => {
                 if usable.len() < FEWEST {
                     return Ok(Some(self.too_few(0, MORE_PHOTOS)));
                 }
                 self.stage(&format!("Finding out where {} photos were taken", usable.len()));
-                match self.found(sfm, &usable, &mut notes)? {
+                match self.found(&usable, &mut notes)? {
                     Some(found) => found,
                     None => return Ok(Some(self.too_few(0, SMALLER_STEPS))),
                 }
@@ -368,33 +376,58 @@ impl Watch<'_> {
         what.into()
     }
 
+    /// Chooses frames of a video that has arrived; what was done, where there was one.
+    fn read_video(&self) -> Result<Option<String>> {
+        let videos = lock(&self.videos);
+        let task = videos.unread().and_then(|name| Some((videos.task(&name)?, name)));
+        drop(videos);
+        let Some(((file, stamp, out), name)) = task else { return Ok(None) };
+        self.stage(&format!("Choosing frames of {name}"));
+        match video::read(&file, stamp, &out, go_on) {
+            Ok(frames) => say!("video    {name}: {frames} frames"),
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            // Of ffmpeg, which a stop ends as well.
+            Err(_) if go_on().is_break() => return Err(Error::Interrupted),
+            Err(error) => {
+                let why = error.to_string().replace(&format!("{}: ", file.display()), "");
+                lock(&self.videos).failed(&name, why);
+            }
+        }
+        let mut arrived = lock(&self.arrived);
+        arrived.0 += 1;
+        self.show(&arrived.1, None);
+        Ok(Some(format!("Looked through {name}")))
+    }
+
     /// The capture that the folder is.
-    fn given(&self, usable: &BTreeMap<String, &Arrival>, notes: &mut Vec<String>) -> Result<(PhotoSet, Surface)> {
+    fn given(&self, usable: &[&Arrival], notes: &mut Vec<String>) -> Result<(PhotoSet, Surface)> {
         let (surface, mut set) = session::overheard(notes, || photographed::read(&self.arguments.folder, None, true))?;
         for photo in &mut set.photos {
             if let Some(name) = photo.image.as_deref().and_then(|file| below(&self.images, file)) {
                 photo.camera.name = name;
             }
         }
-        Ok((set.filtered(|photo| usable.contains_key(&photo.camera.name)), surface))
+        let names: BTreeSet<&str> = usable.iter().map(|photo| photo.name.as_str()).collect();
+        Ok((set.filtered(|photo| names.contains(photo.camera.name.as_str())), surface))
     }
 
     /// The capture that structure from motion makes of photos; none where it places none.
-    fn found(
-        &self,
-        sfm: &Sfm,
-        usable: &BTreeMap<String, &Arrival>,
-        notes: &mut Vec<String>,
-    ) -> Result<Option<(PhotoSet, Surface)>> {
-        let lenses = usable.iter().map(|(name, photo)| (name.clone(), photo.lens.clone())).collect();
-        let checksums = usable.iter().map(|(name, photo)| (name.clone(), photo.checksum)).collect();
-        let posed: BTreeSet<String> = sfm.pose(&self.images, &lenses, &checksums, go_on)?.into_iter().collect();
+    fn found(&self, usable: &[&Arrival], notes: &mut Vec<String>) -> Result<Option<(PhotoSet, Surface)>> {
+        let mut kept = lock(&self.sfm);
+        let sfm = match &mut *kept {
+            Some(sfm) => sfm,
+            // Poses lay beside the photos before.
+            none => none.insert(Sfm::find(&self.arguments.python, &self.work.join("sfm"))?),
+        };
+        let posed: BTreeSet<String> = sfm.pose(usable.iter().copied(), go_on)?.into_iter().collect();
         if posed.is_empty() {
             return Ok(None);
         }
         let mut set = io::photos::read(&sfm.model(), &ReadOptions::default())?;
+        let files: BTreeMap<&str, &PathBuf> = usable.iter().map(|photo| (photo.name.as_str(), &photo.file)).collect();
         for photo in &mut set.photos {
-            photo.image = Some(self.images.join(&photo.camera.name)).filter(|file| file.is_file());
+            let file = files.get(photo.camera.name.as_str()).map(|file| (*file).clone());
+            photo.image = file.filter(|file| file.is_file());
         }
         notes.append(&mut set.notes);
         set.metre = session::overheard(notes, || place::metre(&set))?;

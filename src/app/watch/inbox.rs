@@ -28,12 +28,21 @@ const ENOUGH: usize = 4;
 /// Grey value that a twentieth of a photo must reach not to be dark.
 const DARK: u8 = 45;
 
-/// When and how large a file was written, by which a photo is known again.
+/// When and how large a file was written, by which it is known again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-struct Stamp {
+pub struct Stamp {
     /// Milliseconds since 1970.
     written: u64,
     bytes: u64,
+}
+
+impl Stamp {
+    /// Of a file or folder; none where it is not there.
+    pub fn of(file: &Path) -> Option<Self> {
+        let metadata = fs::metadata(file).ok()?;
+        let written = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?.as_millis() as u64;
+        Some(Self { written, bytes: metadata.len() })
+    }
 }
 
 /// What a look at a photo found.
@@ -65,6 +74,10 @@ struct Entry {
 pub struct Arrival {
     /// Path below the folder, with `/` between folders.
     pub name: String,
+    /// Where it lies.
+    pub file: PathBuf,
+    /// When it was written, in milliseconds since 1970.
+    pub written: u64,
     /// The same for photos of one lens.
     pub lens: String,
     /// Of the file: another where the photo is another.
@@ -78,8 +91,6 @@ pub struct Inbox {
     folder: PathBuf,
     /// Folders in it that have photos, by their path from there; none for all.
     only: Option<Vec<String>>,
-    /// Files and folders beside the photos that say where these were taken, and when they were written.
-    poses: BTreeMap<PathBuf, Option<Stamp>>,
     /// Where looks are kept for the next start.
     kept: PathBuf,
     entries: BTreeMap<String, Entry>,
@@ -88,7 +99,7 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// Of a folder, hidden folders in it apart; what an earlier run found is taken from the file `kept`, where it is there, and goes there.
+    /// Of a folder, hidden folders in it apart, and the one of the file `kept`: what an earlier run found is taken from there, and goes there.
     ///
     /// # Errors
     /// Where that file is of something else.
@@ -103,32 +114,28 @@ impl Inbox {
             Err(_) => BTreeMap::new(),
         };
         let (folder, kept) = (folder.to_owned(), kept.to_owned());
-        Ok(Self { folder, only: None, poses: BTreeMap::new(), kept, entries, recent: VecDeque::new() })
+        Ok(Self { folder, only: None, kept, entries, recent: VecDeque::new() })
     }
 
-    /// With photos in these folders alone, and files and folders beside them in which a change counts as one of the photos.
-    pub fn of_capture(self, only: Vec<String>, poses: Vec<PathBuf>) -> Self {
-        Self { only: Some(only), poses: poses.into_iter().map(|path| (path, None)).collect(), ..self }
+    /// From now on takes photos in these folders alone, by their path from the folder; in all of them where there are none to name.
+    pub fn look_only_in(&mut self, only: Option<Vec<String>>) {
+        self.only = only;
     }
 
-    /// Looks for photos that are new, changed or gone, and for new poses; whether there are any. A new photo is looked at once it has not
-    /// grown since the last call.
+    /// Looks for photos that are new, changed or gone; whether there are any. A new photo is looked at once it has not grown since the last
+    /// call.
     pub fn scan(&mut self) -> bool {
-        let (mut fresh, mut waiting, mut moved) = (Vec::new(), false, false);
-        for (path, before) in &mut self.poses {
-            let now = stamp(path);
-            moved |= *before != now;
-            *before = now;
-        }
+        let (mut fresh, mut waiting) = (Vec::new(), false);
         let folder = |name: &str| name.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned());
+        let mine = self.kept.parent().and_then(|work| below(&self.folder, work)).filter(|work| !work.is_empty());
         let counts = |name: &String| match &self.only {
             Some(only) => only.contains(&folder(name)),
-            None => !name.split('/').any(|part| part.starts_with('.')),
+            None => is_seen(name, mine.as_deref()),
         };
         let mut found = BTreeMap::new();
         for name in images_in(&self.folder).into_iter().filter(counts) {
             // It may have gone since it was listed.
-            let Some(stamp) = stamp(&self.folder.join(&name)) else { continue };
+            let Some(stamp) = Stamp::of(&self.folder.join(&name)) else { continue };
             let before = self.entries.remove(&name).filter(|entry| entry.stamp == stamp);
             match before {
                 Some(Entry { look: None, .. }) => fresh.push(name.clone()),
@@ -140,7 +147,7 @@ impl Inbox {
         let gone = !std::mem::replace(&mut self.entries, found).is_empty();
         fresh.sort_by(|a, b| self.order(a, b));
         self.look_at(&fresh);
-        let changed = gone || moved || !fresh.is_empty();
+        let changed = gone || !fresh.is_empty();
         if changed || waiting {
             self.keep();
         }
@@ -172,6 +179,8 @@ impl Inbox {
         looks()
             .map(|(name, look)| Arrival {
                 name: name.clone(),
+                file: self.folder.join(name),
+                written: self.entries[name].stamp.written,
                 lens: look.lens.clone(),
                 checksum: look.checksum,
                 flaw: flaw(look),
@@ -219,10 +228,15 @@ impl Inbox {
     }
 }
 
-fn stamp(file: &Path) -> Option<Stamp> {
-    let metadata = fs::metadata(file).ok()?;
-    let written = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?.as_millis() as u64;
-    Some(Stamp { written, bytes: metadata.len() })
+/// The path of a file from a folder, with `/` between folders.
+pub fn below(folder: &Path, file: &Path) -> Option<String> {
+    Some(file.strip_prefix(folder).ok()?.to_string_lossy().replace('\\', "/"))
+}
+
+/// Whether a file in the folder counts, by its path from there: not in hidden folders, nor in the folder `mine`.
+pub fn is_seen(name: &str, mine: Option<&str>) -> bool {
+    let own = mine.and_then(|mine| name.strip_prefix(mine)).is_some_and(|rest| rest.starts_with('/'));
+    !own && !name.split('/').any(|part| part.starts_with('.'))
 }
 
 /// A look at a photo, and the photo small where it can be decoded.

@@ -1,9 +1,8 @@
 """Poses of photos by COLMAP's structure from motion, which goes on from where it was.
 
-Standard input has a line of JSON: `images`, the folder of the photos; `work`, a folder for database and model; `lenses`, for each photo by
-name the lens that took it; `checksums`, for each that of its file. The model goes to `work`/sparse/0; the last line that is printed is JSON
-with the photos that have a pose. It ends where its input is closed, and may be killed at any time: what is in `work` stays sound, or is
-made anew.
+Standard input has a line of JSON: `work`, a folder for database and model; `photos`, in the order in which they were taken: name, file, the
+lens that took it, and the checksum of the file. The model goes to `work`/sparse/0; the last line that is printed is JSON with the photos
+that have a pose. It ends where its input is closed, and may be killed at any time: what is in `work` stays sound, or is made anew.
 """
 
 import json
@@ -12,10 +11,15 @@ import shutil
 import sys
 import threading
 
+import numpy
 import pycolmap
 
 # All are posed anew where more than a share of them has no pose, and there are so many times as many as at the last time.
 LEFT, GROWN = 0.2, 1.5
+# So many photos are matched with all others; where there are more, with so many that were taken before, and so many that look most like it.
+ALL, BEFORE, ALIKE = 60, 10, 20
+# Words by which photos are found alike, and features of a photo that are asked.
+WORDS, ASKED = 64, 1000
 # Longest side, in pixels, of photos in which features are looked for.
 SIDE = 1600
 
@@ -24,19 +28,23 @@ def main() -> None:
     request = json.loads(sys.stdin.readline())
     threading.Thread(target=end_with_input, daemon=True).start()
     pycolmap.logging.minloglevel = 3
-    work, checksums = request["work"], request["checksums"]
+    work, photos = request["work"], request["photos"]
+    lenses = {name: lens for name, _, lens, _ in photos}
+    checksums = {name: checksum for name, _, _, checksum in photos}
+    images = os.path.join(work, "images")
     os.makedirs(work, exist_ok=True)
+    link(images, {name: file for name, file, _, _ in photos})
     seen = read(os.path.join(work, "checksums.json"), {})
     if any(checksums.get(name, before) != before for name, before in seen.items()):
         # A photo has been replaced by another of its name.
         clear(work)
     write(os.path.join(work, "checksums.json"), {**seen, **checksums})
     try:
-        found = register(request["images"], work, request["lenses"])
+        found = register(images, work, lenses)
     except Exception:
         # Of a database or model that is damaged.
         clear(work)
-        found = register(request["images"], work, request["lenses"])
+        found = register(images, work, lenses)
     print(json.dumps({"posed": sorted(found)}))
 
 
@@ -45,10 +53,23 @@ def end_with_input() -> None:
     os._exit(1)
 
 
+def link(folder: str, files: dict) -> None:
+    """One folder with all photos, as COLMAP needs it: they may lie in several."""
+    shutil.rmtree(folder, ignore_errors=True)
+    for name, file in files.items():
+        at = os.path.join(folder, name)
+        os.makedirs(os.path.dirname(at), exist_ok=True)
+        try:
+            os.symlink(file, at)
+        except OSError:
+            # Where the system allows no links.
+            shutil.copyfile(file, at)
+
+
 def clear(work: str) -> None:
     shutil.rmtree(os.path.join(work, "sparse"), ignore_errors=True)
     for name in os.listdir(work):
-        if name.startswith("database.db"):
+        if name.startswith("database.db") or name == "alike.npz":
             os.remove(os.path.join(work, name))
 
 
@@ -58,7 +79,7 @@ def register(images: str, work: str, lenses: dict) -> set:
     if os.path.isdir(model + ".old") and not os.path.isdir(model):
         os.rename(model + ".old", model)
     extract(database, images, lenses)
-    pycolmap.match_exhaustive(database)
+    match(database, work, list(lenses))
     before = model if os.path.isdir(model) else ""
     best = mapped(database, images, work, lenses, before)
     if before and len(posed(best)) < (1 - LEFT) * len(lenses) and len(lenses) >= GROWN * read(last, 0):
@@ -92,6 +113,63 @@ def extract(database: str, images: str, lenses: dict) -> None:
         extraction = pycolmap.FeatureExtractionOptions()
         extraction.max_image_size = SIDE
         pycolmap.extract_features(database, images, new, pycolmap.CameraMode.SINGLE, reader, extraction)
+
+
+def match(database: str, work: str, names: list) -> None:
+    """Matches photos, given in the order in which they were taken; pairs that were matched before are not matched again."""
+    # A list of pairs has names between spaces.
+    if len(names) <= ALL or any(name.split() != [name] or name.startswith("#") for name in names):
+        pycolmap.match_exhaustive(database)
+        return
+    alike = signatures(database, os.path.join(work, "alike.npz"), names)
+    names = [name for name in names if name in alike]
+    likeness = numpy.stack([alike[name] for name in names])
+    likeness = likeness @ likeness.T
+    pairs = set()
+    for i, row in enumerate(likeness):
+        others = [*range(max(0, i - BEFORE), i), *numpy.argsort(-row)[: ALIKE + 1]]
+        pairs |= {(min(i, j), max(i, j)) for j in others if j != i}
+    options = pycolmap.ImportedPairingOptions()
+    options.match_list_path = os.path.join(work, "pairs.txt")
+    with open(options.match_list_path, "w", encoding="utf-8") as opened:
+        opened.writelines(f"{names[i]} {names[j]}\n" for i, j in sorted(pairs))
+    pycolmap.match_image_pairs(database, pairing_options=options)
+
+
+def signatures(database: str, file: str, names: list) -> dict:
+    """By photo a unit vector that is like those of photos that show the same (VLAD, Jegou and others 2010). Words are features of the first
+    photos, and stay, so that what an earlier call found holds."""
+    try:
+        with numpy.load(file) as opened:
+            known = dict(opened)
+    except (OSError, ValueError, EOFError):
+        known = {}
+    words = known.pop(" words", None)
+    with pycolmap.Database.open(database) as opened:
+        ids = {image.name: image.image_id for image in opened.read_all_images()}
+
+        def features(name):
+            # The largest come first.
+            return opened.read_descriptors(ids[name]).data[:ASKED].astype(numpy.float32) / 512
+
+        having = [name for name in names if name in ids and len(features(name)) > 0]
+        if words is None:
+            known = {}
+            some = numpy.concatenate([features(name) for name in having[:ALL]])
+            words = some[numpy.random.default_rng(0).permutation(len(some))[:WORDS]]
+        for name in having:
+            if name not in known:
+                found = features(name)
+                word = numpy.argmax(found @ words.T, axis=1)
+                sums = numpy.zeros(words.shape, numpy.float32)
+                numpy.add.at(sums, word, found - words[word])
+                sums = numpy.sign(sums) * numpy.sqrt(numpy.abs(sums))
+                known[name] = (sums / max(float(numpy.linalg.norm(sums)), 1e-9)).ravel()
+    known = {name: known[name] for name in having}
+    with open(file + ".new", "wb") as opened:
+        numpy.savez(opened, **{" words": words}, **known)
+    os.replace(file + ".new", file)
+    return known
 
 
 def mapped(database: str, images: str, work: str, lenses: dict, before: str):

@@ -1,6 +1,5 @@
 //! Poses of photos by structure from motion: COLMAP, as the Python package `pycolmap` has it.
 
-use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -10,6 +9,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
+use super::inbox::Arrival;
 use crate::{Error, Result};
 
 /// What runs in Python.
@@ -59,21 +59,23 @@ impl Sfm {
         self.work.join("sparse").join("0")
     }
 
-    /// Finds poses of photos below `images`, given by name with their lenses and checksums, and returns the names of those that have one. What an earlier
-    /// call found is where it begins.
+    /// Finds poses of photos, in the order in which they were taken, and returns the names of those that have one. What an earlier call
+    /// found is where it begins.
     ///
     /// # Errors
     /// Where it fails, and [`Error::Interrupted`] where `go_on` stops it.
-    pub fn pose(
+    pub fn pose<'p>(
         &self,
-        images: &Path,
-        lenses: &BTreeMap<String, String>,
-        checksums: &BTreeMap<String, u32>,
+        photos: impl IntoIterator<Item = &'p Arrival>,
         mut go_on: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Vec<String>> {
         let failed = |what: &str| Error::request(format!("pycolmap {} failed: {what}", self.version));
-        let request =
-            serde_json::json!({ "images": images, "work": self.work, "lenses": lenses, "checksums": checksums });
+        let asked = |photo: &Arrival| {
+            let file = std::path::absolute(&photo.file).map_err(|source| Error::io(&photo.file, source))?;
+            Ok((photo.name.clone(), file, photo.lens.clone(), photo.checksum))
+        };
+        let photos: Vec<_> = photos.into_iter().map(asked).collect::<Result<_>>()?;
+        let request = serde_json::json!({ "work": self.work, "photos": photos });
         let mut child = Command::new(&self.python)
             .args(["-c", SCRIPT])
             .stdin(Stdio::piped())

@@ -72,6 +72,11 @@ pub(crate) fn mask(root: &Path, name: &str) -> Option<PathBuf> {
 
 /// Image files under `folder`, by their path from there with `/` between folders, in the order of names; folders in it too.
 pub(crate) fn images_in(folder: &Path) -> Vec<String> {
+    files_in(folder, is_picture)
+}
+
+/// As [`images_in`], files that `counts` says yes to.
+pub(crate) fn files_in(folder: &Path, counts: impl Fn(&Path) -> bool) -> Vec<String> {
     let mut names = Vec::new();
     let mut open = vec![String::new()];
     while let Some(below) = open.pop() {
@@ -79,7 +84,7 @@ pub(crate) fn images_in(folder: &Path) -> Vec<String> {
             let name = format!("{below}{}", entry.file_name().to_string_lossy());
             match entry.file_type() {
                 Ok(kind) if kind.is_dir() => open.push(format!("{name}/")),
-                _ if is_picture(Path::new(&name)) => names.push(name),
+                _ if counts(Path::new(&name)) => names.push(name),
                 _ => {}
             }
         }
