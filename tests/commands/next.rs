@@ -67,6 +67,45 @@ fn the_next_photos_are_said_nearest_first() {
     assert_eq!(place.files("wall"), before, "something was written into the capture");
 }
 
+/// If this failed, a room of which the first photos show one wall would have no free space, as these stand beside all that they show.
+#[test]
+fn a_room_holds_the_places_where_photos_were_taken() {
+    let (place, cameras) = captured(6);
+    let answer = answered(&place, "wall --views 4 --preset room");
+    let places = poses(&answer);
+    let off =
+        |pose: &Pose| cameras.iter().map(|c| c.pose.position.distance(pose.position)).fold(f64::INFINITY, f64::min);
+    assert!(places.len() == 4 && places.iter().all(|pose| pose.position.y < 0.0 && off(pose) < 5.0), "{places:?}");
+}
+
+/// If this failed, COLMAP could not place the photos that it is asked for, since they show too little of what others show.
+#[test]
+fn photos_that_are_to_connect_stay_near_others() {
+    let (place, cameras) = captured(6);
+    let points: Vec<DVec3> =
+        (0..600).map(|i| DVec3::new(f64::from(i % 30) * 0.48 - 7.0, 0.0, f64::from(i / 30) * 0.5 - 3.5)).collect();
+    // The least angle between two cameras at sixteen points that both see, the mean.
+    let apart = |a: &Camera, b: &Camera| {
+        let both = points.iter().filter(|p| a.sees(**p) && b.sees(**p));
+        let mut angles: Vec<f64> =
+            both.map(|p| (a.pose.position - p).angle_between(b.pose.position - p).to_degrees()).collect();
+        angles.sort_by(f64::total_cmp);
+        if angles.len() < 16 { f64::INFINITY } else { angles[..16].iter().sum::<f64>() / 16.0 }
+    };
+    // Of each place to the camera that is nearest in this sense, the widest.
+    let widest = |options: &str| {
+        let places = poses(&answered(&place, &format!("wall --views 5 {options}")));
+        let all: Vec<Camera> = places.iter().map(|pose| Camera { pose: *pose, ..cameras[0].clone() }).collect();
+        let nearest = |i: usize| {
+            let others = all.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, other)| other);
+            others.chain(&cameras).map(|other| apart(&all[i], other)).fold(f64::INFINITY, f64::min)
+        };
+        (0..all.len()).map(nearest).fold(0.0, f64::max)
+    };
+    let (free, connected) = (widest(""), widest("--connect 12"));
+    assert!(connected < 12.5 && free > 15.0, "{connected} and {free} degrees");
+}
+
 /// If this failed, a program that follows the advice would take photo after photo without the capture getting better.
 #[test]
 fn advice_that_is_followed_gains_less_and_less() {

@@ -256,7 +256,7 @@ impl Arguments {
                     (true, Kind::Object) => BaselinesFrom::Sphere,
                     _ => of.baselines_from,
                 }),
-                region: RegionChoice { shape, floor: None, clearance: self.clearance },
+                region: RegionChoice { shape, floor: None, clearance: self.clearance, stood: None },
                 antialiased: self.antialiased,
             },
             viewers: self.viewers.given()?.unwrap_or_else(|| self.situation().viewers()),

@@ -333,6 +333,12 @@ impl RegionOptions {
             self.take_planes(&planes, up, preset, &mut choice, &mut limits);
         }
         let name = path.to_string_lossy();
+        if limits.space.is_some() {
+            // What photos prove free begins where they were taken; without that a photo that is off could lead anywhere.
+            let bounds = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
+            choice.stood =
+                photographed.iter().map(|pose| (pose.position, pose.position)).reduce(|all, (p, _)| bounds(all, p));
+        }
         let target = Target::of_subject(surface, &name, preset, &choice, up, intrinsics, subject.as_ref())?;
         let limits = self.limits.read(limits, |file| {
             place::areas(file, self.geo.as_deref(), self.margin.unwrap_or(DRIFT), &target.region)
@@ -436,7 +442,7 @@ impl RegionOptions {
             FloorOption::At(height) => Some(height),
             FloorOption::Auto | FloorOption::None => None,
         };
-        Ok(RegionChoice { shape, floor, clearance: self.clearance })
+        Ok(RegionChoice { shape, floor, clearance: self.clearance, stood: None })
     }
 }
 

@@ -88,6 +88,8 @@ const FEWEST: usize = 3;
 const SHOWN: usize = 5;
 /// Points of the surface at which photos are judged.
 const HELD_OUT: u32 = 1000;
+/// Widest angle, in degrees, between neighbours that COLMAP is to join.
+const CONNECTED: f32 = 20.0;
 
 /// What is said of photos without a pose, where they are found and where they are given.
 const UNPLACED: &str = "could not be placed: it shows too little of what others show; take one between it and them";
@@ -356,7 +358,7 @@ impl Watch<'_> {
             photos.iter().rev().find_map(|taken| set.photos.iter().find(|photo| photo.camera.name == taken.name));
         // There are at least three.
         let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(None) };
-        let shown = self.advice(&set, &surface, &last, &mut notes)?;
+        let shown = self.advice(&set, &surface, &last, given, &mut notes)?;
         let shown = shown.map(|shown| Shown { notes, ..shown });
         if let Some(shown) = &shown {
             say!("photos   {} of {} have a pose", posed.len(), photos.len());
@@ -442,6 +444,7 @@ impl Watch<'_> {
         set: &PhotoSet,
         surface: &Surface,
         last: &Camera,
+        given: bool,
         notes: &mut Vec<String>,
     ) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
@@ -452,8 +455,10 @@ impl Watch<'_> {
             let preset = region.preset_of(&target);
             Ok::<_, Error>((target, preset))
         })?;
-        let config =
-            Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..Config::new(preset, MORE) };
+        let plain = Config::new(preset, MORE);
+        // What COLMAP cannot join with other photos is lost.
+        let plain = if given { plain } else { plain.connected(CONNECTED)? };
+        let config = Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..plain };
         config.validate()?;
         let cameras = set.cameras();
         let mut advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;

@@ -149,8 +149,8 @@ def signatures(database: str, file: str, names: list) -> dict:
         ids = {image.name: image.image_id for image in opened.read_all_images()}
 
         def features(name):
-            # The largest come first.
-            return opened.read_descriptors(ids[name]).data[:ASKED].astype(numpy.float32) / 512
+            # The largest come last.
+            return opened.read_descriptors(ids[name]).data[-ASKED:].astype(numpy.float32) / 512
 
         having = [name for name in names if name in ids and len(features(name)) > 0]
         if words is None:

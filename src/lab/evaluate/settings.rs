@@ -59,7 +59,7 @@ fn is_open(space: &Space) -> bool {
 }
 
 /// A region that follows from a scene's bounds.
-pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None };
+pub(crate) const BY_BOUNDS: RegionChoice = RegionChoice { shape: None, floor: None, clearance: None, stood: None };
 
 /// The size of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

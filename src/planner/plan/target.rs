@@ -26,11 +26,14 @@ pub struct RegionChoice {
     pub floor: Option<f64>,
     /// Clearance around the surface.
     pub clearance: Option<f64>,
+    /// Bounds of the places where photos were taken, which the default box of a room holds: they may lie beside all that photos show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stood: Option<(DVec3, DVec3)>,
 }
 
 impl From<Region> for RegionChoice {
     fn from(Region { shape, floor, clearance, .. }: Region) -> Self {
-        Self { shape: Some(shape), floor, clearance: Some(clearance) }
+        Self { shape: Some(shape), floor, clearance: Some(clearance), stood: None }
     }
 }
 
@@ -124,7 +127,15 @@ impl Target {
                 Region { clearance: choice.clearance.unwrap_or(region.clearance), ..region }
             }
             (None, Preset::Room) => {
-                let region = Region::inside_room(proxy.robust_bounds(), choice.clearance, up)?;
+                let (min, max) = proxy.robust_bounds();
+                let (low, high) = choice.stood.unwrap_or((min, max));
+                let sides = max.max(high) - min.min(low);
+                let clearance = choice.clearance.unwrap_or(0.05 * sides.min_element());
+                let bounds = match choice.stood {
+                    Some((low, high)) => (min.min(low - clearance), max.max(high + clearance)),
+                    None => (min, max),
+                };
+                let region = Region::inside_room(bounds, Some(clearance), up)?;
                 Region { floor: choice.floor, ..region }
             }
         }

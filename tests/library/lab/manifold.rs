@@ -187,7 +187,7 @@ fn what_no_view_shows_keeps_its_noise() -> Result<()> {
 fn cameras_are_placed_where_no_view_has_been() -> Result<()> {
     let context = context();
     let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 2.8, r_max: 3.4 };
-    let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.0) };
+    let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.0), stood: None };
     let model = Model { path: "ball".into(), gaussians: ball(), antialiased: false };
     let intrinsics = Intrinsics::from_fov(96, 96, 0.8);
     let kept: Vec<Camera> = (0..8)

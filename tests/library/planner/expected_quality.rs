@@ -287,7 +287,7 @@ fn a_plan_is_never_worse_than_a_simple_layout() {
             // A shell of walls around the boxes.
             Preset::Room => together(&[&boxes[..], &[(samples::cube(), DVec3::ONE, DVec3::splat(6.5))]].concat()),
         };
-        let choice = RegionChoice { shape, floor, clearance: None };
+        let choice = RegionChoice { shape, floor, clearance: None, stood: None };
         let config = Config { seed, ..Config::new(preset, [6, 20, 14, 24, 40][seed as usize]) };
         let (target, plan) = planned(&surface, &choice, &config);
         let fresh = Config { seed: seed + 100, ..config.clone() };

@@ -52,7 +52,7 @@ fn pool(count: u32, seed: u64) -> PhotoSet {
 
 fn target() -> Target {
     let shape = Shape::Shell { centre: DVec3::ZERO, r_min: 1.2, r_max: 1.8 };
-    let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.05) };
+    let choice = RegionChoice { shape: Some(shape), floor: None, clearance: Some(0.05), stood: None };
     let intrinsics = Intrinsics::from_fov(640, 480, 45f64.to_radians());
     Target::new(&samples::object(), "object", Preset::Object, &choice, DVec3::Z, &intrinsics).expect("a good target")
 }
