@@ -24,6 +24,21 @@ function place(item, number) {
     made("div", { className: "pair" }, shown(item.picture, "what the photo should show"), shown(item.start, "start here")));
 }
 
+// Photos of one flaw on a line, and lines beyond a few folded, so that many do not hide what to do next.
+function flawed(flaws) {
+  const FEW = 3, LINES = 5;
+  const names = new Map();
+  for (const { name, why } of flaws) names.set(why, [...(names.get(why) || []), name]);
+  const lines = [...names].map(([why, all]) => {
+    const rest = all.length > FEW ? ` and ${all.length - FEW} more` : "";
+    return made("li", {}, made("b", { textContent: all.slice(0, FEW).join(", ") + rest }), ` ${why}`);
+  });
+  if (lines.length <= LINES) return lines;
+  const folded = lines.splice(LINES - 1);
+  const more = made("details", {}, made("summary", { textContent: `${folded.length} more` }), made("ul", {}, ...folded));
+  return [...lines, made("li", {}, more)];
+}
+
 function draw(board) {
   document.title = `${board.title} – camsplat watch`;
   const advice = board.advice;
@@ -34,8 +49,7 @@ function draw(board) {
   say("stage", board.stage);
   say("fault", board.fault || "");
   element("flaws").hidden = board.flaws.length === 0;
-  element("flaws").replaceChildren(
-    ...board.flaws.map((flaw) => made("li", {}, made("b", { textContent: flaw.name }), ` ${flaw.why}`)));
+  element("flaws").replaceChildren(...flawed(board.flaws));
   element("next").hidden = element("above").hidden = !advice;
   if (!advice) return;
   element("places").replaceChildren(...advice.next.map((item, i) => place(item, i + 1)));
