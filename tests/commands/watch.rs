@@ -163,7 +163,8 @@ fn frames_of_a_video_are_photos() {
     fs::create_dir(place.path("photos")).unwrap();
     place.write("photos/broken.mp4", "no video");
     fs::create_dir(place.path("photos/state")).unwrap();
-    let options = format!("watch photos --out photos/state --python {}", place.path("python").display());
+    // However it is written, what is worked out is not taken for photos.
+    let options = format!("watch photos --out ./photos/../photos/state --python {}", place.path("python").display());
     let mut served = Served::begun(&place, &options, "page ");
     assert!(served.until("photo    broken.mp4: ").contains("ffmpeg finds no video in it"));
     ffmpeg(&place, "-framerate 10 -i walk/%03d.png -pix_fmt yuv420p photos/.part.mp4");
@@ -197,6 +198,7 @@ fn poses_may_come_later_and_a_folder_may_go_and_come_back() {
     capture_wall(&place.path("wall"), &row("png")[..5], false);
     fs::create_dir(place.path("photos")).unwrap();
     fs::rename(place.path("wall/images"), place.path("photos/images")).unwrap();
+    place.write("photos/clip.mp4", "no video");
     python(&place, r#"echo '{"posed": []}'"#);
     let options = format!("watch photos --out state --python {}", place.path("python").display());
     let mut served = Served::begun(&place, &options, "page ");
@@ -211,6 +213,9 @@ fn poses_may_come_later_and_a_folder_may_go_and_come_back() {
     fs::rename(place.path("away"), place.path("photos")).unwrap();
     served.until("photos   5 of 5 have a pose");
     served.until("next 5");
+    // A video has no poses beside it, and is not read where there are any.
+    let shown = board(&served);
+    assert!(shown["fault"].is_null() && shown["flaws"].as_array().unwrap().is_empty(), "{shown}");
     served.end();
 }
 
@@ -251,6 +256,8 @@ fn what_cannot_be_watched_is_refused() {
     let refused = place.run("watch wall --out mine --no-browser");
     assert!(refused.code == Some(2) && refused.err.contains("photos.json: this is not what"), "{}", refused.err);
     assert_eq!(place.read("mine/photos.json"), r#"{"mine": 1}"#);
+    let refused = place.run("watch wall --out wall/../wall --no-browser");
+    assert!(refused.code == Some(2) && refused.err.contains("the photos arrive here"), "{}", refused.err);
     let served = Served::begun(&place, "watch wall", "page ");
     let refused = place.run("watch wall --no-browser");
     assert!(refused.code == Some(2) && refused.err.contains("another `camsplat watch` is at work"), "{}", refused.err);

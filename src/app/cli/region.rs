@@ -20,6 +20,7 @@ use crate::scene::known::KnownSpace;
 use crate::scene::limits::{Limits, Walk, Wall};
 use crate::scene::planes::Planes;
 use crate::scene::region::{Region, Shape};
+use crate::scene::stray::Reach;
 use crate::scene::surface::Surface;
 use crate::scene::upright::upright;
 use crate::scene::volume::Volume;
@@ -334,10 +335,11 @@ impl RegionOptions {
         }
         let name = path.to_string_lossy();
         if limits.space.is_some() {
-            // What photos prove free begins where they were taken; without that a photo that is off could lead anywhere.
-            let bounds = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
-            choice.stood =
-                photographed.iter().map(|pose| (pose.position, pose.position)).reduce(|all, (p, _)| bounds(all, p));
+            // What photos prove free begins where they were taken; one that is far off everything else is no place to stand.
+            let stood: Vec<DVec3> = photographed.iter().map(|pose| pose.position).collect();
+            let reach = Reach::of(&stood);
+            let near = stood.iter().filter(|p| reach.holds(**p)).map(|p| (*p, *p));
+            choice.stood = near.reduce(|(low, high), (p, _)| (low.min(p), high.max(p)));
         }
         let target = Target::of_subject(surface, &name, preset, &choice, up, intrinsics, subject.as_ref())?;
         let limits = self.limits.read(limits, |file| {

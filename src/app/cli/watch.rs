@@ -119,6 +119,8 @@ struct Looks {
     /// Frames of videos.
     frames: Inbox,
     poses: PoseFiles,
+    /// The folders of pictures for which it was settled which have photos.
+    settled: Option<BTreeSet<String>>,
 }
 
 /// Watches until the user stops it.
@@ -135,6 +137,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let sfm = if given { None } else { Some(Sfm::find(&arguments.python, &work.join("sfm"))?) };
     let kept = work.join("photos.json");
     io::folder::make_parent(&kept)?;
+    if work.canonicalize().ok() == folder.canonicalize().ok() {
+        return Err(Error::input(&work, "the photos arrive here; name another folder for --out, or leave it out"));
+    }
     // It ends with the process, however that ends.
     let lock = File::create(work.join("lock")).map_err(|source| Error::io(&work, source))?;
     if lock.try_lock().is_err() {
@@ -158,7 +163,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let server = serve(arguments, Arc::clone(&board))?;
     let videos = Videos::new(folder, &work);
     let frames = Inbox::open(videos.frames(), &work.join("frames.json"))?;
-    let mut looks = Looks { inbox: Inbox::open(&images, &kept)?, frames, poses: PoseFiles::new(folder) };
+    let mut looks = Looks { inbox: Inbox::open(&images, &kept)?, frames, poses: PoseFiles::new(folder), settled: None };
     if given {
         // A capture that cannot be read is refused at once.
         folders_of_photos(folder, &images)?;
@@ -239,29 +244,32 @@ impl Watch<'_> {
     /// Whether photos, videos or poses have changed.
     fn look(&self, looks: &mut Looks) -> bool {
         let folder = &self.arguments.folder;
-        let mut changed = looks.poses.scan();
-        if changed {
-            let given = io::photos::is_capture(folder).then(|| folders_of_photos(folder, &self.images));
-            match given.transpose() {
-                Ok(folders) => looks.inbox.look_only_in(folders),
-                // A file that is being written; once it is, it has changed again.
+        let given = io::photos::is_capture(folder);
+        let mut changed = looks.poses.scan() | looks.inbox.scan();
+        // Photos of a capture lie in the folders that it names, some of which may be filled after its poses are there.
+        if changed || looks.settled.as_ref() != Some(looks.inbox.folders()) {
+            let only = given.then(|| folders_of_photos(folder, &self.images)).transpose();
+            looks.settled = Some(looks.inbox.folders().clone());
+            match only {
+                Ok(only) => looks.inbox.look_only_in(only),
+                // A file that is being written, or of which no photo is there yet.
                 Err(error) => say!("failed   {error}"),
             }
+            changed |= looks.inbox.scan();
         }
         let mut videos = lock(&self.videos);
-        changed |= videos.scan();
-        looks.frames.look_only_in(Some(videos.folders()));
+        // Frames have no poses that lie beside them.
+        changed |= !given && videos.scan();
+        looks.frames.look_only_in(Some(if given { Vec::new() } else { videos.folders() }));
         drop(videos);
-        changed | looks.inbox.scan() | looks.frames.scan()
+        changed | looks.frames.scan()
     }
 
     /// Shows how many photos there are, and what is wrong with some; `posed` are those with a pose, where that is known.
     fn show(&self, photos: &[Arrival], posed: Option<&BTreeSet<String>>) {
-        let unplaced = match io::photos::is_capture(&self.arguments.folder) {
-            true => NO_POSE,
-            false => UNPLACED,
-        };
-        let videos = lock(&self.videos).faults();
+        let given = io::photos::is_capture(&self.arguments.folder);
+        let unplaced = if given { NO_POSE } else { UNPLACED };
+        let videos = if given { Vec::new() } else { lock(&self.videos).faults() };
         self.board.change(|board| {
             let lost = |photo: &Arrival| match posed {
                 Some(posed) => !posed.contains(&photo.name),
@@ -301,7 +309,13 @@ impl Watch<'_> {
                 arrived.1.clone()
             };
             let begun = Instant::now();
-            match self.step(&photos) {
+            let done = if self.arguments.folder.is_dir() { Some(self.step(&photos)) } else { None };
+            // Of a folder that is gone nothing can be said; when it is back there is another step.
+            let Some(done) = done.filter(|_| self.arguments.folder.is_dir()) else {
+                again = None;
+                continue;
+            };
+            match done {
                 Err(Error::Interrupted) => return,
                 Err(error) => {
                     let line = session::current().with_options(error.to_string());
@@ -329,7 +343,7 @@ impl Watch<'_> {
     /// Poses, and advice, for the photos that are there; what to do where there are too few for that.
     fn step(&self, photos: &[Arrival]) -> Result<Option<String>> {
         let given = io::photos::is_capture(&self.arguments.folder);
-        if let (false, Some(read)) = (given, self.read_video()?) {
+        if !given && let Some(read) = self.read_video()? {
             // Its frames arrive as other photos do.
             return Ok(Some(read));
         }
@@ -392,7 +406,7 @@ impl Watch<'_> {
             Err(_) if go_on().is_break() => return Err(Error::Interrupted),
             Err(error) => {
                 let why = error.to_string().replace(&format!("{}: ", file.display()), "");
-                lock(&self.videos).failed(&name, why);
+                lock(&self.videos).failed(&name, stamp, why);
             }
         }
         let mut arrived = lock(&self.arrived);

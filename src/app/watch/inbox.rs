@@ -1,6 +1,6 @@
 //! Photos as they arrive in a folder: which are whole, and which are of no use.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -91,6 +91,8 @@ pub struct Inbox {
     folder: PathBuf,
     /// Folders in it that have photos, by their path from there; none for all.
     only: Option<Vec<String>>,
+    /// Folders that had pictures at the last look, whether these count or not.
+    folders: BTreeSet<String>,
     /// Where looks are kept for the next start.
     kept: PathBuf,
     entries: BTreeMap<String, Entry>,
@@ -114,7 +116,7 @@ impl Inbox {
             Err(_) => BTreeMap::new(),
         };
         let (folder, kept) = (folder.to_owned(), kept.to_owned());
-        Ok(Self { folder, only: None, kept, entries, recent: VecDeque::new() })
+        Ok(Self { folder, only: None, folders: BTreeSet::new(), kept, entries, recent: VecDeque::new() })
     }
 
     /// From now on takes photos in these folders alone, by their path from the folder; in all of them where there are none to name.
@@ -122,18 +124,25 @@ impl Inbox {
         self.only = only;
     }
 
+    /// Folders that had pictures at the last look, of photos or not.
+    pub fn folders(&self) -> &BTreeSet<String> {
+        &self.folders
+    }
+
     /// Looks for photos that are new, changed or gone; whether there are any. A new photo is looked at once it has not grown since the last
     /// call.
     pub fn scan(&mut self) -> bool {
         let (mut fresh, mut waiting) = (Vec::new(), false);
         let folder = |name: &str| name.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned());
-        let mine = self.kept.parent().and_then(|work| below(&self.folder, work)).filter(|work| !work.is_empty());
+        let mine = self.kept.parent().and_then(|work| inside(&self.folder, work));
         let counts = |name: &String| match &self.only {
             Some(only) => only.contains(&folder(name)),
             None => is_seen(name, mine.as_deref()),
         };
         let mut found = BTreeMap::new();
-        for name in images_in(&self.folder).into_iter().filter(counts) {
+        let all = images_in(&self.folder);
+        self.folders = all.iter().filter(|name| is_seen(name, mine.as_deref())).map(|name| folder(name)).collect();
+        for name in all.into_iter().filter(counts) {
             // It may have gone since it was listed.
             let Some(stamp) = Stamp::of(&self.folder.join(&name)) else { continue };
             let before = self.entries.remove(&name).filter(|entry| entry.stamp == stamp);
@@ -231,6 +240,11 @@ impl Inbox {
 /// The path of a file from a folder, with `/` between folders.
 pub fn below(folder: &Path, file: &Path) -> Option<String> {
     Some(file.strip_prefix(folder).ok()?.to_string_lossy().replace('\\', "/"))
+}
+
+/// The path of the folder `work` from another that it lies in, however either is written.
+pub fn inside(folder: &Path, work: &Path) -> Option<String> {
+    below(&folder.canonicalize().ok()?, &work.canonicalize().ok()?).filter(|work| !work.is_empty())
 }
 
 /// Whether a file in the folder counts, by its path from there: not in hidden folders, nor in the folder `mine`.

@@ -32,6 +32,9 @@ def main() -> None:
     lenses = {name: lens for name, _, lens, _ in photos}
     checksums = {name: checksum for name, _, _, checksum in photos}
     images = os.path.join(work, "images")
+    if not os.path.isdir(os.path.dirname(work)):
+        # What a user has moved away is not made again.
+        sys.exit(f"{os.path.dirname(work)} is gone")
     os.makedirs(work, exist_ok=True)
     link(images, {name: file for name, file, _, _ in photos})
     seen = read(os.path.join(work, "checksums.json"), {})
@@ -55,15 +58,33 @@ def end_with_input() -> None:
 
 def link(folder: str, files: dict) -> None:
     """One folder with all photos, as COLMAP needs it: they may lie in several."""
-    shutil.rmtree(folder, ignore_errors=True)
+    for root, _, names in os.walk(folder):
+        for name in names:
+            at = os.path.join(root, name)
+            if not is_linked(at, files.get(os.path.relpath(at, folder).replace(os.sep, "/"))):
+                os.remove(at)
     for name, file in files.items():
         at = os.path.join(folder, name)
+        if os.path.lexists(at):
+            continue
         os.makedirs(os.path.dirname(at), exist_ok=True)
         try:
             os.symlink(file, at)
         except OSError:
             # Where the system allows no links.
-            shutil.copyfile(file, at)
+            shutil.copy2(file, at)
+
+
+def is_linked(at: str, file) -> bool:
+    """Whether what is there is the link to the file, or a copy of it."""
+    if file is None or os.path.islink(at):
+        return file is not None and os.readlink(at) == file
+    try:
+        copy, own = os.stat(at), os.stat(file)
+    except OSError:
+        return False
+    # Some file systems keep times to two seconds.
+    return copy.st_size == own.st_size and abs(copy.st_mtime - own.st_mtime) <= 2
 
 
 def clear(work: str) -> None:
@@ -88,7 +109,7 @@ def register(images: str, work: str, lenses: dict) -> set:
         write(last, len(lenses))
     elif not before:
         write(last, len(lenses))
-    if posed(best):
+    if posed(best) and os.path.isdir(work):
         keep(best, model)
     return posed(best) & set(lenses)
 

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use super::inbox::{Stamp, below, is_seen};
+use super::inbox::{Stamp, inside, is_seen};
 use crate::files::io::folder::OutputFolder;
 use crate::files::io::photos::files::files_in;
 use crate::files::io::photos::is_video;
@@ -15,6 +16,8 @@ use crate::{Error, Result};
 /// Frames that are asked for at first, and at most: as many as a connected walk needs are taken.
 const FEW: usize = 12;
 const MOST: usize = 200;
+/// After which a video that could not be read is tried again: a disk may have been full.
+const AGAIN: Duration = Duration::from_secs(60);
 /// What the folder of a video's frames notes of the video.
 const SOURCE: &str = "video.json";
 /// Where the frames are in that folder.
@@ -26,8 +29,8 @@ struct Video {
     stamp: Stamp,
     /// Whether it has not grown since the last look.
     whole: bool,
-    /// Why it has no frames.
-    fault: Option<String>,
+    /// Why it has no frames, and when that was found.
+    fault: Option<(String, Instant)>,
 }
 
 /// The videos of a folder, and their frames.
@@ -37,12 +40,14 @@ pub struct Videos {
     frames: PathBuf,
     /// By path from the folder, with `/` between folders.
     videos: BTreeMap<String, Video>,
+    /// The one that was to be read at the last look.
+    next: Option<String>,
 }
 
 impl Videos {
     /// Of a folder; frames go to a folder in `work`.
     pub fn new(folder: &Path, work: &Path) -> Self {
-        Self { folder: folder.to_owned(), frames: work.join("videos"), videos: BTreeMap::new() }
+        Self { folder: folder.to_owned(), frames: work.join("videos"), videos: BTreeMap::new(), next: None }
     }
 
     /// Folder of the frames.
@@ -50,10 +55,10 @@ impl Videos {
         &self.frames
     }
 
-    /// Looks for videos that are new, changed or gone; whether any is to be read.
+    /// Looks for videos that are new, changed or gone; whether another one is to be read than at the last look.
     pub fn scan(&mut self) -> bool {
         let ends = |path: &Path| is_video(&path.to_string_lossy());
-        let mine = self.frames.parent().and_then(|work| below(&self.folder, work)).filter(|work| !work.is_empty());
+        let mine = self.frames.parent().and_then(|work| inside(&self.folder, work));
         let mut found = BTreeMap::new();
         for name in files_in(&self.folder, ends).into_iter().filter(|name| is_seen(name, mine.as_deref())) {
             let Some(stamp) = Stamp::of(&self.folder.join(&name)) else { continue };
@@ -63,7 +68,9 @@ impl Videos {
             found.insert(name, video);
         }
         self.videos = found;
-        self.unread().is_some()
+        let next = self.unread();
+        let before = std::mem::replace(&mut self.next, next);
+        self.next.is_some() && self.next != before
     }
 
     /// Folders of frames of the videos that are there, from the folder of the frames.
@@ -74,13 +81,13 @@ impl Videos {
 
     /// Videos that cannot be read, with the reason.
     pub fn faults(&self) -> Vec<(String, String)> {
-        self.videos.iter().filter_map(|(name, video)| Some((name.clone(), video.fault.clone()?))).collect()
+        self.videos.iter().filter_map(|(name, video)| Some((name.clone(), video.fault.clone()?.0))).collect()
     }
 
-    /// A video that is whole and has not been read.
+    /// A video that is whole and has not been read, or not for a while where it could not be.
     pub fn unread(&self) -> Option<String> {
-        let unread =
-            |(name, video): &(&String, &Video)| video.whole && video.fault.is_none() && !self.is_read(name, video);
+        let waits = |video: &Video| video.fault.as_ref().is_some_and(|(_, since)| since.elapsed() < AGAIN);
+        let unread = |(name, video): &(&String, &Video)| video.whole && !waits(video) && !self.is_read(name, video);
         self.videos.iter().find(unread).map(|(name, _)| name.clone())
     }
 
@@ -94,10 +101,10 @@ impl Videos {
         Some((self.folder.join(name), self.videos.get(name)?.stamp, self.frames.join(name)))
     }
 
-    /// Notes that a video cannot be read; it is not tried again before it changes.
-    pub fn failed(&mut self, name: &str, why: String) {
-        if let Some(video) = self.videos.get_mut(name) {
-            video.fault = Some(why);
+    /// Notes that a video cannot be read as it was at `stamp`.
+    pub fn failed(&mut self, name: &str, stamp: Stamp, why: String) {
+        if let Some(video) = self.videos.get_mut(name).filter(|video| video.stamp == stamp) {
+            video.fault = Some((why, Instant::now()));
         }
     }
 }
