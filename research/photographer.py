@@ -37,6 +37,8 @@ from pathlib import Path
 
 import numpy as np
 
+from colmap_poses import similarity
+
 FIRST, SKIPPED, TESTS, MORE = 10, 5, 40, 10
 OFF, TURNED = 0.04, math.radians(8)
 SIZE, FOV = (400, 300), 60
@@ -343,7 +345,7 @@ class Sfm(Known):
             if image.has_pose:
                 found.append(image.projection_center())
                 true.append(self.poses[int(image.name.split(".")[0])][0])
-        self.scale, self.turn, self.shift = aligned(np.array(found), np.array(true))
+        self.scale, self.turn, self.shift = similarity(np.array(found), np.array(true))
 
     def to_true(self, poses):
         return [(self.scale * self.turn @ position + self.shift, self.turn @ axes) for position, axes in poses]
@@ -379,16 +381,6 @@ class Sfm(Known):
         shutil.copytree(self.folder / "sparse", capture / "sparse")
         shutil.copytree(self.folder / ("cut" if self.scene.box is None else "photos"), capture / "images")
         return self.scene_trained(capture, views, "--shrink", LARGER, "--refine-poses", "--exposure")
-
-
-def aligned(found, true):
-    """Scale, rotation and shift that lead from the found places to the true ones (Umeyama 1991)."""
-    a, b = found - found.mean(axis=0), true - true.mean(axis=0)
-    u, singular, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1, 1, np.linalg.det(u) * np.linalg.det(vt)])
-    turn = (u * sign) @ vt
-    scale = (singular * sign).sum() / (a**2).sum()
-    return scale, turn, true.mean(axis=0) - scale * turn @ found.mean(axis=0)
 
 
 def compare(scene, arguments, ways, numbers):

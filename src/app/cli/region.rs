@@ -20,7 +20,6 @@ use crate::scene::known::KnownSpace;
 use crate::scene::limits::{Limits, Walk, Wall};
 use crate::scene::planes::Planes;
 use crate::scene::region::{Region, Shape};
-use crate::scene::stray::Reach;
 use crate::scene::surface::Surface;
 use crate::scene::upright::upright;
 use crate::scene::volume::Volume;
@@ -334,13 +333,8 @@ impl RegionOptions {
             self.take_planes(&planes, up, preset, &mut choice, &mut limits);
         }
         let name = path.to_string_lossy();
-        if limits.space.is_some() {
-            // What photos prove free begins where they were taken; one that is far off everything else is no place to stand.
-            let stood: Vec<DVec3> = photographed.iter().map(|pose| pose.position).collect();
-            let reach = Reach::of(&stood);
-            let near = stood.iter().filter(|p| reach.holds(**p)).map(|p| (*p, *p));
-            choice.stood = near.reduce(|(low, high), (p, _)| (low.min(p), high.max(p)));
-        }
+        // What photos prove free begins where they were taken.
+        choice.stood = capture.filter(|_| limits.space.is_some()).and_then(PhotoSet::stood);
         let target = Target::of_subject(surface, &name, preset, &choice, up, intrinsics, subject.as_ref())?;
         let limits = self.limits.read(limits, |file| {
             place::areas(file, self.geo.as_deref(), self.margin.unwrap_or(DRIFT), &target.region)

@@ -309,13 +309,14 @@ impl Watch<'_> {
                 arrived.1.clone()
             };
             let begun = Instant::now();
-            let done = if self.arguments.folder.is_dir() { Some(self.step(&photos)) } else { None };
+            let is_there = || self.arguments.folder.is_dir();
+            let advised = is_there().then(|| self.step(&photos));
             // Of a folder that is gone nothing can be said; when it is back there is another step.
-            let Some(done) = done.filter(|_| self.arguments.folder.is_dir()) else {
+            let Some(advised) = advised.filter(|_| is_there()) else {
                 again = None;
                 continue;
             };
-            match done {
+            match advised {
                 Err(Error::Interrupted) => return,
                 Err(error) => {
                     let line = session::current().with_options(error.to_string());

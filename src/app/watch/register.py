@@ -10,6 +10,7 @@ import os
 import shutil
 import sys
 import threading
+import zipfile
 
 import numpy
 import pycolmap
@@ -163,7 +164,7 @@ def signatures(database: str, file: str, names: list) -> dict:
     try:
         with numpy.load(file) as opened:
             known = dict(opened)
-    except (OSError, ValueError, EOFError):
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
         known = {}
     words = known.pop(" words", None)
     with pycolmap.Database.open(database) as opened:
@@ -237,4 +238,5 @@ def write(file: str, what) -> None:
     os.replace(file + ".new", file)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -41,6 +41,13 @@ impl PhotoSet {
         step(&self.sights(&self.seen(), &[]).1)
     }
 
+    /// Bounds of the places where its photos were taken, those of stray poses apart. None without photos.
+    pub fn stood(&self) -> Option<(DVec3, DVec3)> {
+        let near = self.reach();
+        let places = self.photos.iter().map(|photo| photo.camera.pose.position).filter(|p| near.holds(*p));
+        places.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
+    }
+
     /// How far its photos see: nine tenths of its points are nearer to the middle of where they were taken. None without points.
     pub fn depth(&self) -> Option<f64> {
         let places = self.photos.iter().map(|photo| photo.camera.pose.position);

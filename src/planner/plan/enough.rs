@@ -125,9 +125,7 @@ impl Advice {
         let unseen = mapped(&held_out, |_, point| hidden(point));
         Ok(Self { enough, further, points, errors, unseen })
     }
-}
 
-impl Advice {
     /// Sorts the further photos by how far they are from a place, in the user's world.
     pub fn nearest_first(&mut self, place: DVec3) {
         let away = |camera: &Camera| camera.pose.position.distance(place);

@@ -131,10 +131,9 @@ impl Target {
                 let (low, high) = choice.stood.unwrap_or((min, max));
                 let sides = max.max(high) - min.min(low);
                 let clearance = choice.clearance.unwrap_or(0.05 * sides.min_element());
-                let bounds = match choice.stood {
-                    Some((low, high)) => (min.min(low - clearance), max.max(high + clearance)),
-                    None => (min, max),
-                };
+                // The box is shrunk by the clearance, and yet to hold them.
+                let margin = if choice.stood.is_some() { clearance } else { 0.0 };
+                let bounds = (min.min(low - margin), max.max(high + margin));
                 let region = Region::inside_room(bounds, Some(clearance), up)?;
                 Region { floor: choice.floor, ..region }
             }
