@@ -3,8 +3,9 @@
 
 usage: pages.py CAMSPLAT PYTHON OUT CAPTURE...
 
-The photos of each CAPTURE/images arrive in the order of their names: 5, 20, and all. PYTHON has pycolmap. Writes OUT/NAME-COUNT.png by headless
-chromium and prints a line each: photos, photos that are placed, answer, gain, deviation, share of what nobody sees, flaws, seconds.
+The photos of each CAPTURE/images arrive in the order of their names: 5, 20, and all. PYTHON has pycolmap. Writes OUT/NAME-COUNT.png by
+headless chromium and prints a line each: photos, photos that are placed, answer, gain, its deviation, share of what viewers look at that no
+photo shows, flaws, seconds.
 """
 import json
 import shutil
@@ -14,7 +15,8 @@ import time
 import urllib.request
 from pathlib import Path
 
-BROWSER = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=390,3600", "--virtual-time-budget=6000"]
+BROWSER = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=390,3600"]
+BROWSER += ["--virtual-time-budget=6000"]
 
 
 def settled(board, count):

@@ -20,8 +20,8 @@ Splats are trained on the photos and tested on 40 views at random in that region
 way, photos, seed, PSNR, photos with a pose; and to OUT/gains.csv, of advice and orbit: scene, way, photos, seed, what ten more photos are
 expected to gain, share of what viewers look at that no photo shows.
 
-Poses are known, unless `--sfm` is given: then photos are blurred, their exposure drifts, and COLMAP poses them, one after another as they are
-taken (src/app/watch/register.py); what has no pose is lost. It needs pycolmap and pillow. Needs numpy.
+Poses are known, unless `--sfm` is given: then photos are blurred, their exposure drifts, and COLMAP poses them, one after another as they
+are taken (src/app/watch/register.py); what has no pose is lost. It needs pycolmap and pillow. Needs numpy.
 """
 
 import argparse
@@ -332,7 +332,8 @@ class Sfm(Known):
         photos = [[file.name, str(file), "lens", zlib.crc32(file.read_bytes())] for file in files]
         request = {"work": str(self.folder), "photos": photos}
         # Its input stays open until it has ended.
-        with subprocess.Popen([sys.executable, REGISTER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as done:
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+        with subprocess.Popen([sys.executable, REGISTER], **pipes, text=True) as done:
             done.stdin.write(json.dumps(request) + "\n")
             done.stdin.flush()
             done.stdout.read()
