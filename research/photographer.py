@@ -329,8 +329,8 @@ class Sfm(Known):
         import pycolmap
 
         files = sorted((self.folder / "photos").iterdir())
-        photos = [[file.name, str(file), "lens", zlib.crc32(file.read_bytes())] for file in files]
-        request = {"work": str(self.folder), "photos": photos}
+        photos = [[file.name, str(file.resolve()), "lens", zlib.crc32(file.read_bytes())] for file in files]
+        request = {"work": str(self.folder.resolve()), "photos": photos}
         # Its input stays open until it has ended.
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         with subprocess.Popen([sys.executable, REGISTER], **pipes, text=True) as done:
