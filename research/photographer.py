@@ -37,8 +37,6 @@ from pathlib import Path
 
 import numpy as np
 
-from colmap_poses import similarity
-
 FIRST, SKIPPED, TESTS, MORE = 10, 5, 40, 10
 OFF, TURNED = 0.04, math.radians(8)
 SIZE, FOV = (400, 300), 60
@@ -341,12 +339,20 @@ class Sfm(Known):
         self.model = pycolmap.Reconstruction(sparse) if sparse.is_dir() else None
         if self.model is None:
             return
-        found, true = [], []
+        found, true, turns = [], [], np.zeros((3, 3))
         for image in self.model.images.values():
             if image.has_pose:
+                position, axes = self.poses[int(image.name.split(".")[0])]
                 found.append(image.projection_center())
-                true.append(self.poses[int(image.name.split(".")[0])][0])
-        self.scale, self.turn, self.shift = similarity(np.array(found), np.array(true))
+                true.append(position)
+                turns += axes @ image.cam_from_world().rotation.matrix()
+        # By where they look: the first photos stand in a row, which leaves open how the scene is turned about that.
+        u, _, v = np.linalg.svd(turns)
+        self.turn = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
+        found, true = np.array(found), np.array(true)
+        middle = [found.mean(axis=0), true.mean(axis=0)]
+        self.scale = np.linalg.norm(true - middle[1]) / np.linalg.norm(found - middle[0])
+        self.shift = middle[1] - self.scale * self.turn @ middle[0]
 
     def to_true(self, poses):
         return [(self.scale * self.turn @ position + self.shift, self.turn @ axes) for position, axes in poses]
@@ -355,7 +361,11 @@ class Sfm(Known):
         if self.model is None:
             # What the page says then: smaller steps.
             return {"gain_db": float("nan"), "unseen": 1.0, "poses": self.scene.orbit(number, part=0.2)}
-        options = [*self.scene.preset, *self.scene.arguments.options.split()]
+        # As `watch` does: nearer where the last photos were lost.
+        placed = {int(image.name.split(".")[0]) for image in self.model.images.values() if image.has_pose}
+        recent = range(max(0, len(self.poses) - 10), len(self.poses))
+        connect = 5 + 15 * sum(i in placed for i in recent) / len(recent)
+        options = [*self.scene.preset, "--connect", f"{connect:.1f}", *self.scene.arguments.options.split()]
         answer = json.loads(self.scene.run("next", self.folder / "sparse/0", "--views", number, "--json", *options))
         return {**answer, "poses": self.to_true(poses_of(answer["next"]))}
 

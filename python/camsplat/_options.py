@@ -598,7 +598,7 @@ class NextOptions(TypedDict, total=False):
     """Options of `camsplat next`."""
 
     connect: float
-    """Place the photos so that structure from motion can join them and those that there are: each sees much of what a neighbour sees, at no wider an angle than this, in degrees"""
+    """Place the photos so that structure from motion can join them to those that there are: each sees much of what one of these sees, at no wider an angle than this, in degrees"""
 
     preset: Literal["object", "room"]
     """Kind of scene: an object seen from around it, or a room seen from inside [default: room with --box, else object]"""

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Photo that was taken last: the place nearest to it comes first [default: the last by name]
     #[arg(long, value_name = "PHOTO")]
     from: Option<String>,
-    /// Place the photos so that structure from motion can join them and those that there are: each sees much of what a neighbour sees, at no
+    /// Place the photos so that structure from motion can join them to those that there are: each sees much of what one of these sees, at no
     /// wider an angle than this, in degrees
     #[arg(long, value_name = "DEGREES")]
     connect: Option<f32>,
@@ -112,8 +112,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let (photos, target, preset) = taken(arguments)?;
     let cameras = photos.cameras();
     let last = last(&photos.path, &cameras, arguments.from.as_deref())?;
-    let plain = Config::new(preset, arguments.views);
-    let plain = arguments.connect.map_or(Ok(plain.clone()), |degrees| plain.connected(degrees))?;
+    let plain = Config::beside_photos(preset, arguments.views);
+    let plain = arguments.connect.map_or(Ok(plain.clone()), |degrees| plain.connected_to_kept(degrees))?;
     let config = Config { seed: arguments.seed, held_out: HELD_OUT, viewers, ..plain };
     config.validate()?;
     leave_on_interrupt()?;

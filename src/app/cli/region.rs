@@ -257,6 +257,13 @@ impl RegionOptions {
         self
     }
 
+    /// Whether places are named, in the frame that the scene has.
+    pub fn names_places(&self) -> bool {
+        let LimitOptions { keep_out, wall, walk, .. } = &self.limits;
+        let limited = !keep_out.is_empty() || !wall.is_empty() || walk.is_some();
+        limited || self.up.is_some() || self.box_.is_some() || self.shell.is_some()
+    }
+
     /// The kind of scene that was asked for, or that the region is of.
     pub fn preset_of(&self, target: &Target) -> Preset {
         self.preset.unwrap_or_else(|| target.preset())

@@ -19,10 +19,12 @@ use super::region::RegionOptions;
 use super::server::{Access, Served, Server};
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
+use crate::app::report::way;
 use crate::app::watch::board::{Flaw, PAGE, Shared, Shown};
 use crate::app::watch::given::{PoseFiles, folders_of_photos};
 use crate::app::watch::inbox::{Arrival, Inbox, below};
-use crate::app::watch::sfm::Sfm;
+use crate::app::watch::person;
+use crate::app::watch::sfm::{self, Sfm};
 use crate::app::watch::video::{self, Videos};
 use crate::engine::parallel::lock;
 use crate::engine::vulkan::Context;
@@ -30,7 +32,7 @@ use crate::files::io;
 use crate::files::io::photos::ReadOptions;
 use crate::files::io::photos::files::images_in;
 use crate::files::photos::PhotoSet;
-use crate::planner::plan::config::{Config, Preset};
+use crate::planner::plan::config::Config;
 use crate::planner::plan::enough::{Advice, MORE};
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::Camera;
@@ -80,7 +82,7 @@ const SHORT: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_secs(5);
 const LONGEST_PAUSE: Duration = Duration::from_secs(60);
 /// What to do where there are too few photos.
-const MORE_PHOTOS: &str = "Take a few more photos, each with a small step to the side";
+const MORE_PHOTOS: &str = "Take five photos of the same thing, each half a step beside the last";
 const SMALLER_STEPS: &str = "No two photos show enough of the same: take smaller steps between them";
 /// Photos with a pose before there is advice.
 const FEWEST: usize = 3;
@@ -88,11 +90,9 @@ const FEWEST: usize = 3;
 const SHOWN: usize = 5;
 /// Points of the surface at which photos are judged.
 const HELD_OUT: u32 = 1000;
-/// Widest angle, in degrees, between neighbours that COLMAP is to join.
-const CONNECTED: f32 = 20.0;
 
 /// What is said of photos without a pose, where they are found and where they are given.
-const UNPLACED: &str = "could not be placed: it shows too little of what others show; take one between it and them";
+const UNPLACED: &str = "could not be placed: other photos show too little of the same; take another halfway to those";
 const NO_POSE: &str = "has no pose yet in the files of the capture";
 
 /// One run.
@@ -107,6 +107,8 @@ struct Watch<'a> {
     arrived: Mutex<(u64, Vec<Arrival>)>,
     changed: Condvar,
     videos: Mutex<Videos>,
+    /// What a step was the last time, so that it stays one.
+    apart: Mutex<Option<[String; 2]>>,
     /// Where the photos lie.
     images: PathBuf,
     /// Folder of what is worked out.
@@ -169,7 +171,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         folders_of_photos(folder, &images)?;
     }
     let (arrived, changed, sfm, videos) = (Mutex::default(), Condvar::new(), Mutex::new(sfm), Mutex::new(videos));
-    let watch = Watch { arguments, context, viewers, sfm, board, arrived, changed, videos, images, work };
+    let apart = Mutex::default();
+    let watch = Watch { arguments, context, viewers, sfm, board, arrived, changed, videos, apart, images, work };
     let session = session::current();
     thread::scope(|scope| {
         scope.spawn(|| session.within(|| watch.look_after(&mut looks)));
@@ -218,8 +221,11 @@ impl Watch<'_> {
         let mut first = true;
         while go_on().is_continue() {
             let begun = Instant::now();
-            if self.arguments.folder.is_dir() {
-                if self.look(looks) | std::mem::take(&mut first) {
+            let is_there = || self.arguments.folder.is_dir();
+            let changed = is_there() && self.look(looks);
+            // It may have gone while it was looked at, and what was not found then was not deleted.
+            if is_there() {
+                if changed | std::mem::take(&mut first) {
                     let mut photos = [looks.inbox.photos(), looks.frames.photos()].concat();
                     photos.sort_by_key(|photo| photo.written);
                     self.show(&photos, None);
@@ -230,8 +236,8 @@ impl Watch<'_> {
             } else if !first {
                 // Photos that were moved away with their folder are not deleted.
                 let gone = format!("{} is gone; this goes on when it is back", self.arguments.folder.display());
+                self.board.change(|board| board.fault = Some(gone.clone()));
                 say!("failed   {gone}");
-                self.board.change(|board| board.fault = Some(gone));
                 first = true;
             }
             while begun.elapsed() < BETWEEN_LOOKS && go_on().is_continue() {
@@ -329,16 +335,17 @@ impl Watch<'_> {
                     (again, pause) = (None, PAUSE);
                     let seconds = begun.elapsed().as_secs_f64();
                     let (count, s) = (photos.len(), if photos.len() == 1 { "" } else { "s" });
+                    let current = hint.is_none();
                     let stage =
                         hint.unwrap_or_else(|| format!("Up to date with {count} photo{s}, after {seconds:.0} s"));
-                    self.board.change(|board| (board.fault, board.stage) = (None, stage));
+                    self.board.change(|board| (board.fault, board.stage, board.current) = (None, stage, current));
                 }
             }
         }
     }
 
     fn stage(&self, stage: &str) {
-        self.board.change(|board| board.stage = stage.into());
+        self.board.change(|board| (board.stage, board.current) = (stage.into(), false));
     }
 
     /// Poses, and advice, for the photos that are there; what to do where there are too few for that.
@@ -363,6 +370,7 @@ impl Watch<'_> {
                 }
             }
         };
+        let set = PhotoSet { apart: lock(&self.apart).clone(), ..set };
         let posed: BTreeSet<String> = set.photos.iter().map(|photo| photo.camera.name.clone()).collect();
         self.show(photos, Some(&posed));
         if set.photos.len() < FEWEST {
@@ -373,7 +381,9 @@ impl Watch<'_> {
             photos.iter().rev().find_map(|taken| set.photos.iter().find(|photo| photo.camera.name == taken.name));
         // There are at least three.
         let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(None) };
-        let shown = self.advice(&set, &surface, &last, given, &mut notes)?;
+        // What COLMAP cannot join with other photos is lost.
+        let connect = (!given).then(|| sfm::connected(usable.iter().map(|photo| posed.contains(&photo.name))));
+        let shown = self.advice(&set, &surface, &last, connect, &mut notes)?;
         let shown = shown.map(|shown| Shown { notes, ..shown });
         if let Some(shown) = &shown {
             say!("photos   {} of {} have a pose", posed.len(), photos.len());
@@ -449,6 +459,8 @@ impl Watch<'_> {
         notes.append(&mut set.notes);
         set.metre = session::overheard(notes, || place::metre(&set))?;
         let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
+        // Who names places has looked at COLMAP's model.
+        let set = if self.arguments.region.names_places() { set } else { person::levelled(set) };
         let surface = Surface::Points(set.points.clone());
         Ok(Some((set, surface)))
     }
@@ -459,7 +471,7 @@ impl Watch<'_> {
         set: &PhotoSet,
         surface: &Surface,
         last: &Camera,
-        given: bool,
+        connect: Option<f32>,
         notes: &mut Vec<String>,
     ) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
@@ -468,21 +480,20 @@ impl Watch<'_> {
             let region = region.clone().explored(set);
             let target = region.target_of(surface, folder, Some(&of), &last.intrinsics, None)?;
             let preset = region.preset_of(&target);
-            Ok::<_, Error>((target, preset))
+            Ok::<_, Error>((person::in_reach(target, set)?, preset))
         })?;
-        let plain = Config::new(preset, MORE);
-        // What COLMAP cannot join with other photos is lost.
-        let plain = if given { plain } else { plain.connected(CONNECTED)? };
+        let plain = Config::beside_photos(preset, MORE);
+        let plain = connect.map_or(Ok(plain.clone()), |degrees| plain.connected_to_kept(degrees))?;
         let config = Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..plain };
         config.validate()?;
         let cameras = set.cameras();
         let mut advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
         advice.nearest_first(last.pose.position);
         let next = &advice.further[..SHOWN.min(advice.further.len())];
-        let kind = match preset {
-            Preset::Object => "as an object, seen from around it (--preset room says that it is a room)",
-            Preset::Room => "as a room, seen from inside (--preset object says that it is an object)",
-        };
-        Shown::new(&advice, next, set, &target.region, kind)
+        let up = target.region.up;
+        *lock(&self.apart) = way::apart(set, up).map(|pair| pair.map(str::to_owned));
+        let shown = Shown::new(&advice, next, set, &target.region, region.preset.is_some())?;
+        let lost = connect.is_some_and(|degrees| degrees < sfm::LOST);
+        Ok(shown.map(|shown| if lost { Shown { enough: "not yet", ..shown } } else { shown }))
     }
 }

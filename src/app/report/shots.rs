@@ -126,6 +126,11 @@ impl Shots {
         self.shown.iter().find(|(photo, _)| photo == from).map(|(_, file)| &file[..])
     }
 
+    /// The photos to start from, one for each shot, by their index among all cameras.
+    pub fn starts(&self) -> &[usize] {
+        &self.from
+    }
+
     /// `shots.json`.
     ///
     /// # Errors

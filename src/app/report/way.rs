@@ -56,20 +56,28 @@ impl Way {
 /// What lengths are said in among the photos of a capture, and that in words: metres where their length is known, else steps of the
 /// photographer, with two photos that are about one apart, or units of the scene where there is no step yet.
 pub fn unit(set: &PhotoSet, up: DVec3) -> (Unit, String) {
-    let step = set.step();
+    let pair = apart(set, up);
+    let step = pair.and_then(|[a, b]| between(set, a, b)).unwrap_or(0.0);
     if set.metre.is_none() && step <= 0.0 {
         return (Unit::Step(1.0), "a unit of the scene".into());
     }
     let unit = set.metre.map_or(Unit::Step(step), Unit::Metre);
-    let said = match (unit, apart(set, step, up)) {
-        (Unit::Step(_), Some([a, b])) => format!("{}, which is about as far as from {a} to {b}", unit.name()),
+    let said = match (unit, pair) {
+        (Unit::Step(_), Some([a, b])) => format!("{}, as far as from {a} to {b}", unit.name()),
         _ => unit.name().into(),
     };
     (unit, said)
 }
 
-/// The photos that are most nearly a step apart on the level, as a map shows it.
-fn apart(set: &PhotoSet, step: f64, up: DVec3) -> Option<[&str; 2]> {
+/// The photos that a step lies between: those of the set's own, where both are in it, else those that are most nearly a step apart on the
+/// level, as a map shows it.
+pub fn apart(set: &PhotoSet, up: DVec3) -> Option<[&str; 2]> {
+    if let Some([a, b]) = &set.apart
+        && between(set, a, b).is_some_and(|step| step > 0.0)
+    {
+        return Some([a, b]);
+    }
+    let step = set.step();
     let photos: Vec<&Camera> = set.photos.iter().map(|photo| &photo.camera).collect();
     let pairs = photos.iter().enumerate().flat_map(|(i, a)| photos[..i].iter().map(move |b| (*b, *a)));
     let off = |(a, b): &(&Camera, &Camera)| {
@@ -77,4 +85,47 @@ fn apart(set: &PhotoSet, step: f64, up: DVec3) -> Option<[&str; 2]> {
         (way.length() - step).abs() + way.dot(up).abs()
     };
     pairs.min_by(|a, b| off(a).total_cmp(&off(b))).map(|(a, b)| [&a.name[..], &b.name[..]])
+}
+
+/// How far apart two photos are, by their names; none where one is not in the set.
+fn between(set: &PhotoSet, a: &str, b: &str) -> Option<f64> {
+    let place = |name: &str| set.photos.iter().find(|photo| photo.camera.name == name).map(|p| p.camera.pose.position);
+    Some(place(a)?.distance(place(b)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::photos::Photo;
+    use crate::scene::camera::Intrinsics;
+    use crate::scene::lens::Distortion;
+
+    /// If this failed, "one step" would be another length each time that photos are added, while the photographer's are as they were.
+    #[test]
+    fn a_step_stays_as_long_as_its_photos_are_there() {
+        let photo = |(i, x): (usize, &f64)| Photo {
+            camera: Camera {
+                name: format!("{i}.jpg"),
+                pose: Pose::looking(DVec3::new(*x, 0.0, 0.0), DVec3::Y, DVec3::Z),
+                intrinsics: Intrinsics::from_fov(64, 48, 1.0),
+            },
+            distortion: Distortion::default(),
+            image: None,
+            mask: None,
+        };
+        let of = |places: &[f64], apart: Option<[String; 2]>| {
+            let photos = places.iter().enumerate().map(photo).collect();
+            PhotoSet { photos, apart, ..PhotoSet::default() }
+        };
+        let (first, more) = ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0, 9.0, 15.0, 21.0, 27.0, 33.0, 39.0]);
+        let set = of(&first, None);
+        let pair = apart(&set, DVec3::Z).unwrap().map(str::to_owned);
+        assert_eq!(unit(&set, DVec3::Z).0, Unit::Step(1.0));
+        let other = unit(&of(&more, None), DVec3::Z).0;
+        assert!(other.length() > 2.0, "{other:?} should be another by now");
+        assert_eq!(unit(&of(&more, Some(pair.clone())), DVec3::Z), unit(&set, DVec3::Z));
+        // One of them was deleted.
+        let gone = Some([pair[0].clone(), "gone.jpg".into()]);
+        assert_eq!(unit(&of(&more, gone), DVec3::Z).0, other);
+    }
 }

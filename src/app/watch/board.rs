@@ -11,7 +11,7 @@ use crate::files::photos::PhotoSet;
 use crate::planner::plan::enough::{Advice, Enough};
 use crate::planner::quality::map::colour_of;
 use crate::scene::camera::Camera;
-use crate::scene::region::Region;
+use crate::scene::region::{Region, Shape};
 use crate::{Error, Result};
 
 /// Fill of what no photo shows; the page defines it.
@@ -26,6 +26,8 @@ pub struct Board {
     pub title: String,
     /// What is being done.
     pub stage: String,
+    /// Whether the advice is of all photos that there are.
+    pub current: bool,
     /// Photos in the folder.
     pub photos: usize,
     /// Of these, photos that have a pose.
@@ -66,7 +68,7 @@ pub struct Shown {
     pub unseen: f64,
     /// Weak parts, in words.
     pub weak: Vec<String>,
-    /// What kind of scene it is planned for, in words.
+    /// What kind of scene it is taken for, "object" or "room"; empty where that was said.
     pub kind: &'static str,
     /// What was understood of the photos, and left out, a line each.
     pub notes: Vec<String>,
@@ -94,7 +96,8 @@ pub struct Place {
 }
 
 impl Shown {
-    /// Of advice on `photos` of a scene of some `kind`; `next` are those of its places that are shown, in their order. None where no photo has an image.
+    /// Of advice on `photos`; `next` are those of its places that are shown, in their order; `said` is whether the user has said what kind of
+    /// scene it is. None where no photo has an image.
     ///
     /// # Errors
     /// Where an image cannot be read.
@@ -103,7 +106,7 @@ impl Shown {
         next: &[Camera],
         photos: &PhotoSet,
         region: &Region,
-        kind: &'static str,
+        said: bool,
     ) -> Result<Option<Self>> {
         let kept = photos.cameras();
         let all: Vec<Camera> = next.iter().chain(&kept).cloned().collect();
@@ -125,7 +128,13 @@ impl Shown {
         let fills = advice.errors.iter().zip(&advice.unseen).map(fill);
         let dots: Vec<Dot> =
             advice.points.iter().zip(fills).map(|(position, fill)| Dot { position: *position, fill }).collect();
-        let map = shot_map::svg(&Places { planned: next, kept: &kept, up: region.up }, &dots, &[], &shots.unit);
+        let map =
+            shot_map::svg(&Places { planned: next, kept: &kept, up: region.up }, &dots, shots.starts(), &shots.unit);
+        let kind = match region.shape {
+            _ if said => "",
+            Shape::Shell { .. } => "object",
+            Shape::Box { .. } => "room",
+        };
         let Enough { more, gain_db, gain_sd_db, unseen, .. } = advice.enough;
         Ok(Some(Self {
             photos: kept.len(),

@@ -2,6 +2,10 @@
 // Asks for the board every 1.5 seconds; what is shown stays where there is no answer.
 const BETWEEN = 1500, PATIENCE = 8000;
 const ANSWERS = { yes: "Enough", nearly: "Nearly enough", "not yet": "Not yet enough" };
+const KINDS = {
+  object: "Planned as an object, seen from around it. If it is a room, start camsplat watch again with --preset room.",
+  room: "Planned as a room, seen from inside. If it is an object, start camsplat watch again with --preset object.",
+};
 let version = -1;
 
 const element = (id) => document.getElementById(id);
@@ -51,13 +55,22 @@ function draw(board) {
   element("flaws").hidden = board.flaws.length === 0;
   element("flaws").replaceChildren(...flawed(board.flaws));
   element("next").hidden = element("above").hidden = !advice;
+  say("kind", (advice && KINDS[advice.kind]) || "");
   if (!advice) return;
+  // Of the photos before, until the next advice is there.
+  const old = !board.current;
+  element("next").classList.toggle("old", old);
+  element("above").classList.toggle("old", old);
+  say("where", old ? "Before the last photos: where to stand next" : "Where to stand next, the nearest to your last photo first");
   element("places").replaceChildren(...advice.next.map((item, i) => place(item, i + 1)));
   // Made by camsplat, with every name in it escaped.
   element("map").innerHTML = advice.map;
+  element("parts").hidden = advice.weak.length === 0;
   element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
   element("notes").replaceChildren(...advice.notes.map((line) => made("li", { textContent: line })));
-  say("unit", `Planned ${advice.kind}. Unit of length: ${advice.unit}.`);
+  const [unit, length] = advice.unit.split(", ");
+  const said = length ? `A${unit.slice(1)} is ${length}. ` : "";
+  say("unit", `${said}Turn from where the photo to start from looks; aim from level. What you cannot reach leave out, or go as near as you can.`);
 }
 
 async function ask() {

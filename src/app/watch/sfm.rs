@@ -16,6 +16,12 @@ use crate::{Error, Result};
 const SCRIPT: &str = include_str!("register.py");
 /// Between two looks at whether it has ended or is to be stopped.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(20);
+/// Widest angle, in degrees, between neighbours that it is to join, where it placed all of the last photos and where none.
+const CONNECTED: [f32; 2] = [20.0, 5.0];
+/// How many these are.
+const RECENT: usize = 10;
+/// Angle below which more than half of these were lost: what is in reach then gains little, and no photos are enough.
+pub const LOST: f32 = 0.5 * (CONNECTED[0] + CONNECTED[1]);
 /// Characters of what it complains of that are kept.
 const COMPLAINT: usize = 300;
 
@@ -125,5 +131,27 @@ impl Sfm {
                 Err(failed(&why.chars().take(COMPLAINT).collect::<String>()))
             }
         }
+    }
+}
+
+/// Widest angle, in degrees, between the next photos and those that there are; `placed` says of each of these whether it has a pose.
+pub fn connected(placed: impl DoubleEndedIterator<Item = bool>) -> f32 {
+    let recent: Vec<bool> = placed.rev().take(RECENT).collect();
+    let share = recent.iter().filter(|placed| **placed).count() as f32 / recent.len().max(1) as f32;
+    CONNECTED[1] + share * (CONNECTED[0] - CONNECTED[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a scene in which photos are lost would be asked for more photos that are lost.
+    #[test]
+    fn the_next_photos_are_nearer_where_the_last_were_lost() {
+        let of = |placed: &[bool]| connected(placed.iter().copied());
+        assert_eq!((of(&[true; 12]), of(&[false; 12]), of(&[])), (20.0, 5.0, 5.0));
+        let (lost, found) = ([false; 20], [true; 10]);
+        assert_eq!(of(&[&lost[..], &found].concat()), 20.0, "what was lost long ago counts");
+        assert_eq!(of(&[true, false, true, false]), 12.5);
     }
 }

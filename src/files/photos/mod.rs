@@ -11,10 +11,12 @@ pub mod volume;
 
 use std::path::PathBuf;
 
+use glam::DQuat;
+
 pub use self::convention::{Convention, check_convention, looked_at};
 pub use self::describe::describe;
 pub use self::header::Header;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Pose};
 use crate::scene::lens::{Distortion, Lens};
 use crate::scene::stray::Reach;
 use crate::scene::surface::Points;
@@ -49,6 +51,8 @@ pub struct PhotoSet {
     pub errors: Vec<f32>,
     /// How long a metre is in its units; none where that is not known.
     pub metre: Option<f64>,
+    /// Two photos, by their names, that a step of the photographer lies between; none where all of them say how long that is.
+    pub apart: Option<[String; 2]>,
     /// Images that were not found, and files that cannot be read, with the reason.
     pub missing: Vec<String>,
     /// What was understood, for the user to check: one line each.
@@ -101,6 +105,17 @@ impl PhotoSet {
     pub fn has_surface_points(&self) -> bool {
         let seen = self.tracks.is_empty() || self.tracks.iter().any(|track| !track.is_empty());
         seen && !self.points.positions.is_empty()
+    }
+
+    /// The set in a frame that is turned: what was in a direction is in that direction turned.
+    pub fn turned(mut self, turn: DQuat) -> Self {
+        for photo in &mut self.photos {
+            let Pose { position, rotation } = photo.camera.pose;
+            photo.camera.pose = Pose { position: turn * position, rotation: (turn * rotation).normalize() };
+        }
+        let Points { positions, normals, toward_cameras, .. } = &mut self.points;
+        positions.iter_mut().chain(normals).chain(toward_cameras).for_each(|vector| *vector = turn * *vector);
+        self
     }
 
     /// The set with only the points that any of its photos sees; with all, where nothing says which photos see them.

@@ -96,6 +96,16 @@ impl Config {
         }
     }
 
+    /// Expected quality with its defaults for a few views beside photos that there are, settled in docs/results/watch.md: most of a step are
+    /// these photos, which do not move, so few viewers a step and more steps gain more in the same time.
+    pub fn beside_photos(preset: Preset, views: u32) -> Self {
+        let iterations = match preset {
+            Preset::Object => 400,
+            Preset::Room => 600,
+        };
+        Self { iterations, probes: 5, ..Self::new(preset, views) }
+    }
+
     /// The paper's objective with its defaults, settled in docs/results/planner.md.
     pub fn paper(preset: Preset, views: u32) -> Self {
         Self {
@@ -163,8 +173,17 @@ impl Config {
                 "`connect` goes with expected quality alone; leave it out, or the paper's objective",
             ));
         }
-        let minimise = Minimise::Quality(QualityConfig { connect: Some(degrees) });
+        let minimise = Minimise::Quality(QualityConfig { connect: Some(degrees), direct: false });
         Ok(Self { minimise, iterations: 1000, ..self })
+    }
+
+    /// The same as [`Self::connected`], each camera with one that is kept, not by way of others.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn connected_to_kept(self, degrees: f32) -> Result<Self> {
+        let minimise = Minimise::Quality(QualityConfig { connect: Some(degrees), direct: true });
+        Ok(Self { minimise, ..self.connected(degrees)? })
     }
 
     /// Angle between neighbours, in degrees, where cameras are to connect.

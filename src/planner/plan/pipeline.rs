@@ -109,7 +109,7 @@ pub fn run(
         None => None,
     };
     let preparation = match &reference {
-        Some(reference) => preparation.starting_from(&reference.best().poses),
+        Some(reference) => preparation.starting_from(&reference.start()),
         None => preparation,
     };
     mark(&mut profile, "simple layouts", start);
@@ -198,7 +198,7 @@ pub(super) fn expected_beside(
     preparation: Preparation,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<(Expectation, Vec<Pose>)> {
-    let preparation = preparation.starting_from(&reference.best().poses);
+    let preparation = preparation.starting_from(&reference.start());
     let (planner, mut outcome) = optimise(context, scene, preparation, None, |_, _| go_on())?;
     drop(planner);
     Error::unless_stopped(go_on())?;

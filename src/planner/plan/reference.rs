@@ -11,6 +11,7 @@ use super::preparation::splat;
 use super::problem::Problem;
 use super::record::{Expected, Status};
 use super::run::Outcome;
+use super::start::tangents;
 use super::{reachable, simple_layouts};
 use crate::engine::vulkan::Context;
 use crate::planner::quality::expected::{Expectation, Judge};
@@ -88,7 +89,7 @@ impl<'a> Reference<'a> {
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
-        let links = config.connect().map(|degrees| Links::new(&target.proxy, &scene.geometry, config.seed, degrees));
+        let links = config.of_quality().and_then(|own| Links::of(own, &target.proxy, &scene.geometry, config.seed));
         let (intrinsics, mine) = (*intrinsics, kept.to_vec());
         let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
         for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {
@@ -156,6 +157,16 @@ impl<'a> Reference<'a> {
     pub fn best(&self) -> &Layout {
         // `simple_layouts::layouts` always has cameras at random.
         best_of(self.layouts.iter()).expect("there is a simple layout in every region")
+    }
+
+    /// Where a run begins, in the planner's frame: with the layout of which most is expected, brought near kept cameras where it is to connect
+    /// to these.
+    pub fn start(&self) -> Vec<Pose> {
+        let (geometry, poses) = (&self.scene.geometry, &self.best().poses);
+        let Some(links) = &self.links else { return poses.clone() };
+        let kept: Vec<Pose> = self.kept.iter().map(|camera| geometry.to_internal.pose(&camera.pose)).collect();
+        let lens = tangents(&self.intrinsics);
+        links.begun(&geometry.bvh, &kept, lens, poses, |position| geometry.settle(position))
     }
 
     /// Sizes of the groups of cameras that connect, kept ones and `poses` in the planner's frame, the largest first; none where no

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use crate::support::device::{context, silent};
 use crate::support::plans::{intrinsics, object, planner, room};
 use camsplat::planner::plan::config::{Config, Preset};
+use camsplat::planner::plan::expected_quality::QualityConfig;
 use camsplat::planner::plan::expected_quality::links::{Links, penalty};
 use camsplat::planner::plan::pipeline::{self, Plan, Tools};
 use camsplat::planner::plan::problem::Problem;
@@ -30,9 +31,10 @@ fn the_penalty_on_the_device_is_that_of_the_twin() {
             (planner.gradients().expect("gradients"), outcome.history[0].reg, planner)
         });
         let geometry = &scene.device.geometry;
-        let links = Links::new(&scene.target.proxy, geometry, 4, 15.0);
+        let linked = QualityConfig { connect: Some(15.0), direct: false };
+        let links = Links::of(&linked, &scene.target.proxy, geometry, 4).expect("cameras are to connect");
         let start = with.2.start();
-        let (from, anchors) = links.anchors(&geometry.bvh, start, 0, 0.0);
+        let (from, anchors) = links.anchors(&geometry.bvh, start, &[], 0.0);
         let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
         let [tan_x, tan_y] = tangents(&intrinsics());
         let half_cone = f64::from(tan_x.min(tan_y)).atan();

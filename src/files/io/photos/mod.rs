@@ -113,8 +113,18 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<PhotoSet> {
     // Phones that measure depth give metres.
     let metre = (path.is_dir() && phone::is_layout(path)).then_some(1.0);
     let path_of = path.to_owned();
-    let mut set =
-        PhotoSet { path: path_of, photos, convention, points, tracks, errors, metre, missing, notes: Vec::new() };
+    let mut set = PhotoSet {
+        path: path_of,
+        photos,
+        convention,
+        points,
+        tracks,
+        errors,
+        metre,
+        apart: None,
+        missing,
+        notes: Vec::new(),
+    };
     if options.images == Images::SkipMissing {
         set = set.filtered(|photo| photo.image.is_some());
         if set.photos.is_empty() {

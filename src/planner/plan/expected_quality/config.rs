@@ -17,6 +17,9 @@ pub struct QualityConfig {
     /// to hang together, so that structure from motion can join their photos.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connect: Option<f32>,
+    /// Each of them to a camera that is kept, not by way of others: of photos that are taken one after another, any may be left out or lost.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub direct: bool,
 }
 
 impl QualityConfig {

@@ -6,10 +6,12 @@
 
 use glam::{DVec3, Vec3};
 
+use super::config::QualityConfig;
 use super::shared::Anchor;
 use crate::engine::parallel::{in_parallel, mapped};
 use crate::engine::vulkan::shaders::glsl::planner::plan::expected_quality::links as glsl;
 use crate::planner::plan::shared::CameraState;
+use crate::scene::camera::Pose;
 use crate::scene::proxy::Proxy;
 use crate::scene::sets::Sets;
 use crate::visibility::bvh::Bvh;
@@ -33,6 +35,8 @@ const ANCHORS: usize = 16;
 /// Weight of the penalty, at first and at last, against expected quality, whose gradient by a camera is about one over their number.
 /// Heavy from the start, it would hold the cameras where they first connect.
 const WEIGHT: [f32; 2] = [10.0, 100.0];
+/// Parts of the way from a kept camera at which a camera may begin.
+const BEGUN: [f64; 7] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.05];
 /// Weight of an angle that costs nothing: of links that cost nothing the tree takes those at small angles.
 const SLIGHT: f32 = 1e-3;
 /// What a pair costs that nothing joins, beside its distance: more than any penalty.
@@ -47,11 +51,13 @@ pub(super) fn anchors(splats: u64) -> u64 {
 pub struct Links {
     /// Widest angle at a point between neighbours, in radians.
     angle: f32,
+    /// Whether only kept cameras are neighbours.
+    direct: bool,
     points: Vec<Probe>,
 }
 
 /// What a camera sees of the points.
-struct Sight {
+pub struct Sight {
     centre: Vec3,
     /// Unit direction to each point.
     toward: Vec<Vec3>,
@@ -64,13 +70,15 @@ struct Sight {
 }
 
 impl Links {
-    /// Neighbours by at most so many degrees at points of the surface of `proxy`.
-    pub fn new(proxy: &Proxy, geometry: &SceneGeometry, seed: u64, degrees: f32) -> Self {
-        let points = proxy.sample(POINTS, seed, LINK_STREAM);
-        Self { angle: degrees.to_radians(), points: points.iter().map(|point| Probe::new(point, geometry)).collect() }
+    /// Neighbours at points of the surface of `proxy`, where cameras are to connect.
+    pub fn of(own: &QualityConfig, proxy: &Proxy, geometry: &SceneGeometry, seed: u64) -> Option<Self> {
+        let angle = own.connect?.to_radians();
+        let points = proxy.sample(POINTS, seed, LINK_STREAM).iter().map(|point| Probe::new(point, geometry)).collect();
+        Some(Self { angle, direct: own.direct, points })
     }
 
-    fn sights(&self, bvh: &Bvh, splats: &[CameraState]) -> Vec<Sight> {
+    /// What cameras see, by camera.
+    pub fn sights(&self, bvh: &Bvh, splats: &[CameraState]) -> Vec<Sight> {
         mapped(splats, |_, splat| self.sight(bvh, splat))
     }
 
@@ -135,8 +143,46 @@ impl Links {
         Some(scratch.iter().map(|(cost, _)| cost).sum::<f32>() / least as f32)
     }
 
-    /// Edges of a minimum spanning tree over the cameras, of which the first `kept` hang together already.
-    fn tree(&self, sights: &[Sight], kept: usize) -> Vec<(usize, usize)> {
+    /// Where cameras that are linked to kept ones begin, for `poses` in the planner's frame that they would have otherwise: what shares
+    /// nothing with a kept camera would be pulled nowhere, so each begins on the way from the kept one that is nearest, as far along as
+    /// the two connect. `settled` brings a position to where cameras can be.
+    pub(in crate::planner::plan) fn begun(
+        &self,
+        bvh: &Bvh,
+        kept: &[Pose],
+        lens: [f32; 2],
+        poses: &[Pose],
+        settled: impl Fn(DVec3) -> DVec3 + Sync,
+    ) -> Vec<Pose> {
+        if !self.direct || kept.is_empty() {
+            return poses.to_vec();
+        }
+        let sight = |pose: &Pose| {
+            let mut splat = CameraState { tan_x: lens[0], tan_y: lens[1], ..CameraState::default() };
+            splat.place(pose);
+            self.sight(bvh, &splat)
+        };
+        let sights = mapped(kept, |_, pose| sight(pose));
+        mapped(poses, |_, pose| {
+            let away = |from: &Pose| from.position.distance(pose.position) * (2.0 - from.forward().dot(pose.forward()));
+            let nearest =
+                (0..kept.len()).min_by(|a, b| away(&kept[*a]).total_cmp(&away(&kept[*b]))).unwrap_or_default();
+            let along = |part: f64| Pose {
+                position: settled(kept[nearest].position.lerp(pose.position, part)),
+                rotation: kept[nearest].rotation.slerp(pose.rotation, part),
+            };
+            let joined = |pose: &Pose| {
+                let sight = sight(pose);
+                sights.iter().any(|kept| self.join(kept, &sight))
+            };
+            let ways = BEGUN.map(along);
+            ways.into_iter().find(joined).unwrap_or(ways[BEGUN.len() - 1])
+        })
+    }
+
+    /// Edges of a minimum spanning tree over the cameras, of which the first `kept` hang together already; the cheapest edge of each other
+    /// one to these, where only these are neighbours.
+    fn tree(&self, sights: &[&Sight], kept: usize) -> Vec<(usize, usize)> {
         // By camera outside of the tree: what its cheapest link into the tree costs, and to whom.
         let mut open: Vec<(f32, usize)> = vec![(f32::INFINITY, 0); sights.len()];
         let mut within = vec![false; sights.len()];
@@ -148,7 +194,7 @@ impl Links {
                 let mut scratch = Vec::new();
                 for (j, open) in (8 * chunk..).zip(open).filter(|(j, _)| !within[*j]) {
                     for joined in &new {
-                        let (a, b) = (&sights[*joined], &sights[j]);
+                        let (a, b) = (sights[*joined], sights[j]);
                         let apart = || APART + a.centre.distance(b.centre);
                         let cost = self.cheapest(a, b, &mut scratch).unwrap_or_else(apart);
                         if cost < open.0 {
@@ -160,18 +206,20 @@ impl Links {
             let left = (0..sights.len()).filter(|j| !within[*j]);
             let Some(next) = left.min_by(|a, b| open[*a].0.total_cmp(&open[*b].0)) else { return edges };
             edges.push((open[next].1, next));
-            new = vec![next];
+            within[next] = true;
+            new = if self.direct && kept > 0 { Vec::new() } else { vec![next] };
         }
     }
 
     /// What pulls each camera to its neighbours after `done` of the run: where its anchors begin, one more than there are cameras, and the
-    /// anchors.
-    pub fn anchors(&self, bvh: &Bvh, splats: &[CameraState], kept: usize, done: f32) -> (Vec<u32>, Vec<Anchor>) {
-        let sights = self.sights(bvh, splats);
+    /// anchors. The first of `splats` are kept and never move: what they see is `kept`.
+    pub fn anchors(&self, bvh: &Bvh, splats: &[CameraState], kept: &[Sight], done: f32) -> (Vec<u32>, Vec<Anchor>) {
+        let moving = self.sights(bvh, &splats[kept.len()..]);
+        let sights: Vec<&Sight> = kept.iter().chain(&moving).collect();
         let mut of: Vec<Vec<Anchor>> = vec![Vec::new(); splats.len()];
         let mut scratch = Vec::new();
-        for (i, j) in self.tree(&sights, kept) {
-            if self.cheapest(&sights[i], &sights[j], &mut scratch).is_none() {
+        for (i, j) in self.tree(&sights, kept.len()) {
+            if self.cheapest(sights[i], sights[j], &mut scratch).is_none() {
                 continue;
             }
             scratch.sort_unstable_by_key(|(_, point)| *point);
@@ -197,7 +245,7 @@ impl Links {
         let mut sets = Sets::new(splats.len());
         (1..kept).for_each(|j| _ = sets.join(0, j));
         for j in kept.max(1)..splats.len() {
-            for i in 0..j {
+            for i in 0..if self.direct && kept > 0 { kept } else { j } {
                 if sets.root(i) != sets.root(j) && self.join(&sights[i], &sights[j]) {
                     sets.join(i, j);
                 }

@@ -80,7 +80,7 @@ pub(super) fn prepare(
     let viewers = viewers(config, geometry, &problem.lens)?;
     let mut points = proxy.sample(REACHABLE as usize, config.seed, PROBE_STREAM);
     random::shuffle(&mut points, config.seed, PROBE_STREAM);
-    let links = own.connect.map(|degrees| Links::new(proxy, geometry, config.seed, degrees)).map(Arc::new);
+    let links = Links::of(own, proxy, geometry, config.seed).map(Arc::new);
     let settings = QualitySettings {
         viewers: config.probes,
         gate_softness: config.gate_softness,

@@ -2,10 +2,10 @@
 //! splats nearest to them (`viewed.comp`), and the end of the iteration (`update_quality.comp`).
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::Quality;
-use super::links::Links;
+use super::links::{Links, Sight};
 use super::shared::{Anchor, QualitySettings, ViewerLoss};
 use super::viewed::{ViewedConstants, ViewedPush, ViewedStage, draws};
 use crate::Result;
@@ -49,6 +49,8 @@ pub struct QualityPass {
     law: Buffer,
     push: LookPush,
     links: Option<Arc<Links>>,
+    /// What kept cameras see, where cameras are to connect.
+    kept: OnceLock<Vec<Sight>>,
     anchor_starts: Buffer,
     anchors: Buffer,
 }
@@ -86,6 +88,7 @@ impl QualityPass {
             law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
             push: quality.around.push(quality.viewers.len() as u32, quality.settings.viewers, SIDE, quality.seed),
             links: quality.links.clone(),
+            kept: OnceLock::new(),
             anchor_starts: buffer("anchor starts")?,
             anchors: buffer("anchors")?,
         })
@@ -197,8 +200,9 @@ impl Pass for QualityPass {
     fn between_blocks(&self, run: &Run) -> Result<()> {
         let Some(links) = &self.links else { return Ok(()) };
         let done = run.done() as f32 / run.settings.iterations as f32;
-        let kept = run.settings.kept as usize;
-        let (starts, anchors) = links.anchors(&run.scene.geometry.bvh, &run.splats()?, kept, done);
+        let (bvh, splats) = (&run.scene.geometry.bvh, run.splats()?);
+        let kept = self.kept.get_or_init(|| links.sights(bvh, &splats[..run.settings.kept as usize]));
+        let (starts, anchors) = links.anchors(bvh, &splats, kept, done);
         self.anchor_starts.upload(&starts)?;
         if anchors.is_empty() { Ok(()) } else { self.anchors.upload(&anchors) }
     }
