@@ -260,7 +260,10 @@ impl RegionOptions {
     /// Whether places are named, in the frame that the scene has.
     pub fn names_places(&self) -> bool {
         let LimitOptions { keep_out, wall, walk, .. } = &self.limits;
-        let limited = !keep_out.is_empty() || !wall.is_empty() || walk.is_some();
+        let walls = wall.iter().any(|wall| matches!(wall, WallOption::At(_)));
+        let space = matches!(self.space, Some(SpaceOption::File(_)));
+        let subject = matches!(self.subject, Some(SubjectOption::Box(..) | SubjectOption::File(_)));
+        let limited = !keep_out.is_empty() || walk.is_some() || walls || space || subject;
         limited || self.up.is_some() || self.box_.is_some() || self.shell.is_some()
     }
 

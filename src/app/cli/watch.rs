@@ -8,6 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use glam::DVec3;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 
@@ -229,6 +230,7 @@ impl Watch<'_> {
                     let mut photos = [looks.inbox.photos(), looks.frames.photos()].concat();
                     photos.sort_by_key(|photo| photo.written);
                     self.show(&photos, None);
+                    self.board.change(|board| board.current = false);
                     let mut arrived = lock(&self.arrived);
                     *arrived = (arrived.0 + 1, photos);
                     self.changed.notify_all();
@@ -329,13 +331,15 @@ impl Watch<'_> {
                     say!("failed   {line}");
                     again = Some(Instant::now() + pause);
                     pause = (2 * pause).min(LONGEST_PAUSE);
-                    self.board.change(|board| (board.fault, board.stage) = (Some(line), "Trying again soon".into()));
+                    self.board.change(|board| {
+                        (board.fault, board.stage, board.current) = (Some(line), "Trying again soon".into(), false);
+                    });
                 }
                 Ok(hint) => {
                     (again, pause) = (None, PAUSE);
                     let seconds = begun.elapsed().as_secs_f64();
                     let (count, s) = (photos.len(), if photos.len() == 1 { "" } else { "s" });
-                    let current = hint.is_none();
+                    let current = hint.is_none() && lock(&self.arrived).0 == done;
                     let stage =
                         hint.unwrap_or_else(|| format!("Up to date with {count} photo{s}, after {seconds:.0} s"));
                     self.board.change(|board| (board.fault, board.stage, board.current) = (None, stage, current));
@@ -357,8 +361,12 @@ impl Watch<'_> {
         }
         let usable: Vec<&Arrival> = photos.iter().filter(|photo| photo.flaw.is_none()).collect();
         let mut notes = Vec::new();
-        let (set, surface) = match given {
-            true => self.given(&usable, &mut notes)?,
+        let (mut set, surface, up) = match given {
+            true => {
+                self.stage("Reading the poses");
+                let (set, surface) = self.given(&usable, &mut notes)?;
+                (set, surface, None)
+            }
             false => {
                 if usable.len() < FEWEST {
                     return Ok(Some(self.too_few(0, MORE_PHOTOS)));
@@ -370,7 +378,8 @@ impl Watch<'_> {
                 }
             }
         };
-        let set = PhotoSet { apart: lock(&self.apart).clone(), ..set };
+        let is_there = |name: &String| usable.iter().any(|photo| photo.name == *name);
+        set.apart = lock(&self.apart).clone().filter(|pair| pair.iter().all(is_there));
         let posed: BTreeSet<String> = set.photos.iter().map(|photo| photo.camera.name.clone()).collect();
         self.show(photos, Some(&posed));
         if set.photos.len() < FEWEST {
@@ -383,7 +392,7 @@ impl Watch<'_> {
         let Some(last) = last.or(set.photos.last()).map(|photo| photo.camera.clone()) else { return Ok(None) };
         // What COLMAP cannot join with other photos is lost.
         let connect = (!given).then(|| sfm::connected(usable.iter().map(|photo| posed.contains(&photo.name))));
-        let shown = self.advice(&set, &surface, &last, connect, &mut notes)?;
+        let shown = self.advice(&set, &surface, &last, (connect, up), &mut notes)?;
         let shown = shown.map(|shown| Shown { notes, ..shown });
         if let Some(shown) = &shown {
             say!("photos   {} of {} have a pose", posed.len(), photos.len());
@@ -438,8 +447,12 @@ impl Watch<'_> {
         Ok((set.filtered(|photo| names.contains(photo.camera.name.as_str())), surface))
     }
 
-    /// The capture that structure from motion makes of photos; none where it places none.
-    fn found(&self, usable: &[&Arrival], notes: &mut Vec<String>) -> Result<Option<(PhotoSet, Surface)>> {
+    /// The capture that structure from motion makes of photos, and its up where it was levelled; none where it places none.
+    fn found(
+        &self,
+        usable: &[&Arrival],
+        notes: &mut Vec<String>,
+    ) -> Result<Option<(PhotoSet, Surface, Option<DVec3>)>> {
         let mut kept = lock(&self.sfm);
         let sfm = match &mut *kept {
             Some(sfm) => sfm,
@@ -460,9 +473,12 @@ impl Watch<'_> {
         set.metre = session::overheard(notes, || place::metre(&set))?;
         let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
         // Who names places has looked at COLMAP's model.
-        let set = if self.arguments.region.names_places() { set } else { person::levelled(set) };
+        let named =
+            self.arguments.region.names_places() || !matches!(self.viewers, Viewers::Region | Viewers::Heights { .. });
+        let level = if named { None } else { person::levelled(&set) };
+        let (up, set) = (level.is_some().then_some(DVec3::Z), level.unwrap_or(set));
         let surface = Surface::Points(set.points.clone());
-        Ok(Some((set, surface)))
+        Ok(Some((set, surface, up)))
     }
 
     /// What to do next, and how it is shown.
@@ -471,16 +487,18 @@ impl Watch<'_> {
         set: &PhotoSet,
         surface: &Surface,
         last: &Camera,
-        connect: Option<f32>,
+        (connect, up): (Option<f32>, Option<DVec3>),
         notes: &mut Vec<String>,
     ) -> Result<Option<Shown>> {
         let Arguments { folder, region, seed, .. } = self.arguments;
         let (target, preset) = session::overheard(notes, || {
             let of = PhotoSet { path: folder.clone(), ..set.clone() };
-            let region = region.clone().explored(set);
+            let mut region = region.clone().explored(set);
+            region.up = region.up.or(up);
             let target = region.target_of(surface, folder, Some(&of), &last.intrinsics, None)?;
             let preset = region.preset_of(&target);
-            Ok::<_, Error>((person::in_reach(target, set)?, preset))
+            let target = if up.is_some() { person::in_reach(target, set)? } else { target };
+            Ok::<_, Error>((target, preset))
         })?;
         let plain = Config::beside_photos(preset, MORE);
         let plain = connect.map_or(Ok(plain.clone()), |degrees| plain.connected_to_kept(degrees))?;
@@ -490,10 +508,9 @@ impl Watch<'_> {
         let mut advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
         advice.nearest_first(last.pose.position);
         let next = &advice.further[..SHOWN.min(advice.further.len())];
-        let up = target.region.up;
-        *lock(&self.apart) = way::apart(set, up).map(|pair| pair.map(str::to_owned));
+        let pair = || way::apart(set, target.region.up).map(|pair| pair.map(str::to_owned));
+        *lock(&self.apart) = set.apart.clone().or_else(pair);
         let shown = Shown::new(&advice, next, set, &target.region, region.preset.is_some())?;
-        let lost = connect.is_some_and(|degrees| degrees < sfm::LOST);
-        Ok(shown.map(|shown| if lost { Shown { enough: "not yet", ..shown } } else { shown }))
+        Ok(shown.map(|shown| shown.within(connect)))
     }
 }

@@ -4,6 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use serde::Serialize;
 
+use super::sfm;
 use crate::app::report::pictures::jpeg_url;
 use crate::app::report::shot_map::{self, Dot, Places};
 use crate::app::report::shots::Shots;
@@ -50,7 +51,7 @@ pub struct Flaw {
 }
 
 /// Advice as it is shown.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Shown {
     /// Photos that it is about.
     pub photos: usize,
@@ -157,6 +158,22 @@ impl Shown {
     }
 }
 
+impl Shown {
+    /// The same of places that are at no wider an angle from photos than [`sfm::connected`] says, where structure from motion is to join them.
+    /// What is in reach where photos were lost gains little whatever is missing: then photos are not enough.
+    pub fn within(self, degrees: Option<f32>) -> Self {
+        let [widest, narrowest] = sfm::CONNECTED;
+        match degrees {
+            Some(degrees) if degrees < 0.5 * (widest + narrowest) => {
+                let hidden = format!("{} Most of the last {} photos could not be placed.", self.hidden, sfm::RECENT);
+                Self { enough: "not yet", hidden, ..self }
+            }
+            Some(degrees) if degrees < widest && self.enough == "yes" => Self { enough: "nearly", ..self },
+            _ => self,
+        }
+    }
+}
+
 /// A board that several threads write and read.
 #[derive(Default)]
 pub struct Shared(Mutex<Board>);
@@ -195,3 +212,21 @@ pub const PAGE: &str = concat!(
     include_str!("page.js"),
     "</script>\n"
 );
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a photographer whose photos are lost one after another would be sent home, since nothing in reach gains much.
+    #[test]
+    fn photos_are_not_enough_where_the_last_were_lost() {
+        let of = |degrees: Option<f32>| {
+            let Shown { enough, hidden, .. } = Shown { enough: "yes", ..Shown::default() }.within(degrees);
+            (enough, hidden.contains("could not be placed"))
+        };
+        let connected = |lost: usize| Some(sfm::connected((0..10).map(|photo| photo >= lost)));
+        assert_eq!([None, connected(0)].map(of), [("yes", false); 2]);
+        assert_eq!([connected(1), connected(5)].map(of), [("nearly", false); 2]);
+        assert_eq!([connected(6), connected(10)].map(of), [("not yet", true); 2]);
+    }
+}

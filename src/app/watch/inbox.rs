@@ -178,7 +178,7 @@ impl Inbox {
             Look { light, .. } if *light < DARK => Some("too dark: find more light, or expose longer".into()),
             Look { sharpness: 0.0, .. } => Some("shows hardly any texture: take it from farther away".into()),
             Look { sharpness, .. } if *sharpness < BLURRED * median => {
-                Some("blurred, or of plain things alone: hold still, and have edges in it".into())
+                Some("blurred or of plain things alone: hold still, and have edges in it".into())
             }
             Look { alike: Some(other), .. } if self.entries.contains_key(other) => {
                 Some(format!("shows the same as {other}: move before the next one"))

@@ -68,8 +68,8 @@ function draw(board) {
   element("parts").hidden = advice.weak.length === 0;
   element("weak").replaceChildren(...advice.weak.map((line) => made("li", { textContent: line })));
   element("notes").replaceChildren(...advice.notes.map((line) => made("li", { textContent: line })));
-  const [unit, length] = advice.unit.split(", ");
-  const said = length ? `A${unit.slice(1)} is ${length}. ` : "";
+  const comma = advice.unit.indexOf(", ");
+  const said = comma > 0 ? `A${advice.unit.slice(1, comma)} is ${advice.unit.slice(comma + 2)}. ` : "";
   say("unit", `${said}Turn from where the photo to start from looks; aim from level. What you cannot reach leave out, or go as near as you can.`);
 }
 

@@ -17,11 +17,9 @@ const SCRIPT: &str = include_str!("register.py");
 /// Between two looks at whether it has ended or is to be stopped.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(20);
 /// Widest angle, in degrees, between neighbours that it is to join, where it placed all of the last photos and where none.
-const CONNECTED: [f32; 2] = [20.0, 5.0];
+pub const CONNECTED: [f32; 2] = [20.0, 5.0];
 /// How many these are.
-const RECENT: usize = 10;
-/// Angle below which more than half of these were lost: what is in reach then gains little, and no photos are enough.
-pub const LOST: f32 = 0.5 * (CONNECTED[0] + CONNECTED[1]);
+pub const RECENT: usize = 10;
 /// Characters of what it complains of that are kept.
 const COMPLAINT: usize = 300;
 

@@ -164,7 +164,8 @@ impl<'a> Reference<'a> {
     pub fn start(&self) -> Vec<Pose> {
         let (geometry, poses) = (&self.scene.geometry, &self.best().poses);
         let Some(links) = &self.links else { return poses.clone() };
-        let kept: Vec<Pose> = self.kept.iter().map(|camera| geometry.to_internal.pose(&camera.pose)).collect();
+        let placed = |camera: &Camera| (geometry.to_internal.pose(&camera.pose), splat(camera, geometry));
+        let kept: Vec<_> = self.kept.iter().map(placed).collect();
         let lens = tangents(&self.intrinsics);
         links.begun(&geometry.bvh, &kept, lens, poses, |position| geometry.settle(position))
     }

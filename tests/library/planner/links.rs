@@ -146,6 +146,14 @@ fn planned_cameras_connect_to_those_that_are_kept() {
     assert!(connection.line().contains("10 planned cameras and the 18 kept"), "{}", connection.line());
     let above = plan.record.cameras[..10].iter().filter(|camera| camera.pose.position.z.abs() > 1.0).count();
     assert!(above >= 6, "{above} of 10 leave the ring, where everything is seen already");
+    // Each to one that is kept, so that any of them may be left out.
+    let plan = planned(Config::new(Preset::Object, 10).connected_to_kept(25.0).unwrap(), &kept);
+    for camera in &plan.record.cameras[..10] {
+        let alone: Vec<Camera> = kept.iter().chain([camera]).cloned().collect();
+        assert_eq!(groups(&alone, 25.5)[..], [19], "{} hangs on other planned ones", camera.name);
+    }
+    let above = plan.record.cameras[..10].iter().filter(|camera| camera.pose.position.z.abs() > 0.5).count();
+    assert!(above >= 6, "{above} of 10 leave the ring, as far as that goes");
 }
 
 /// If this failed, cameras that cannot connect would be called connected.

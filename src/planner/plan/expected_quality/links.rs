@@ -149,7 +149,7 @@ impl Links {
     pub(in crate::planner::plan) fn begun(
         &self,
         bvh: &Bvh,
-        kept: &[Pose],
+        kept: &[(Pose, CameraState)],
         lens: [f32; 2],
         poses: &[Pose],
         settled: impl Fn(DVec3) -> DVec3 + Sync,
@@ -162,14 +162,14 @@ impl Links {
             splat.place(pose);
             self.sight(bvh, &splat)
         };
-        let sights = mapped(kept, |_, pose| sight(pose));
+        let sights = mapped(kept, |_, (_, splat)| self.sight(bvh, splat));
         mapped(poses, |_, pose| {
             let away = |from: &Pose| from.position.distance(pose.position) * (2.0 - from.forward().dot(pose.forward()));
-            let nearest =
-                (0..kept.len()).min_by(|a, b| away(&kept[*a]).total_cmp(&away(&kept[*b]))).unwrap_or_default();
+            let all = kept.iter().map(|(from, _)| from);
+            let Some(from) = all.min_by(|a, b| away(a).total_cmp(&away(b))) else { return *pose };
             let along = |part: f64| Pose {
-                position: settled(kept[nearest].position.lerp(pose.position, part)),
-                rotation: kept[nearest].rotation.slerp(pose.rotation, part),
+                position: settled(from.position.lerp(pose.position, part)),
+                rotation: from.rotation.slerp(pose.rotation, part),
             };
             let joined = |pose: &Pose| {
                 let sight = sight(pose);
