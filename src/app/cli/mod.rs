@@ -24,6 +24,7 @@ mod frames;
 mod manual;
 mod metrics;
 mod missions;
+mod named;
 mod next;
 mod options;
 mod order;

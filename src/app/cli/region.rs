@@ -257,16 +257,6 @@ impl RegionOptions {
         self
     }
 
-    /// Whether places are named, in the frame that the scene has.
-    pub fn names_places(&self) -> bool {
-        let LimitOptions { keep_out, wall, walk, .. } = &self.limits;
-        let walls = wall.iter().any(|wall| matches!(wall, WallOption::At(_)));
-        let space = matches!(self.space, Some(SpaceOption::File(_)));
-        let subject = matches!(self.subject, Some(SubjectOption::Box(..) | SubjectOption::File(_)));
-        let limited = !keep_out.is_empty() || walk.is_some() || walls || space || subject;
-        limited || self.up.is_some() || self.box_.is_some() || self.shell.is_some()
-    }
-
     /// The kind of scene that was asked for, or that the region is of.
     pub fn preset_of(&self, target: &Target) -> Preset {
         self.preset.unwrap_or_else(|| target.preset())

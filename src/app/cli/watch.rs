@@ -12,6 +12,7 @@ use glam::DVec3;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 
+use super::named;
 use super::options::{DeviceOptions, print_messages};
 use super::photographed;
 use super::place;
@@ -473,9 +474,7 @@ impl Watch<'_> {
         set.metre = session::overheard(notes, || place::metre(&set))?;
         let set = set.filtered(|photo| posed.contains(&photo.camera.name) && photo.image.is_some()).with_points_seen();
         // Who names places has looked at COLMAP's model.
-        let named =
-            self.arguments.region.names_places() || !matches!(self.viewers, Viewers::Region | Viewers::Heights { .. });
-        let level = if named { None } else { person::levelled(&set) };
+        let level = if named::places(&self.arguments.region, &self.viewers) { None } else { person::levelled(&set) };
         let (up, set) = (level.is_some().then_some(DVec3::Z), level.unwrap_or(set));
         let surface = Surface::Points(set.points.clone());
         Ok(Some((set, surface, up)))
@@ -497,7 +496,13 @@ impl Watch<'_> {
             region.up = region.up.or(up);
             let target = region.target_of(surface, folder, Some(&of), &last.intrinsics, None)?;
             let preset = region.preset_of(&target);
-            let target = if up.is_some() { person::in_reach(target, set)? } else { target };
+            let reached = up.is_some() && target.limits.heights.is_none();
+            let target = if reached { person::in_reach(target, set)? } else { target };
+            if let (true, Some([low, high])) = (reached, target.limits.heights) {
+                say!(
+                    "         cameras at heights {low:.3} to {high:.3}, which a person reaches (--heights for others)"
+                );
+            }
             Ok::<_, Error>((target, preset))
         })?;
         let plain = Config::beside_photos(preset, MORE);
