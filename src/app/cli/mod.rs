@@ -30,6 +30,7 @@ mod options;
 mod order;
 mod outcome;
 mod overwrite_guard;
+mod phone;
 mod photographed;
 mod place;
 mod plan;

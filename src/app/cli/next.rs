@@ -118,7 +118,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     config.validate()?;
     leave_on_interrupt()?;
     let context = arguments.device.open()?;
-    let mut advice = Advice::new(&context, &target, &cameras, None, &config, &mut || ControlFlow::Continue(()))?;
+    let mut advice =
+        Advice::new(&context, &target, last.intrinsics, &cameras, None, &config, &mut || ControlFlow::Continue(()))?;
     print_messages(&context);
     let (unit, said) = way::unit(&photos, target.region.up);
     advice.nearest_first(last.pose.position);

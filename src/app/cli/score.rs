@@ -112,8 +112,11 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     };
     let (expected, metrics) = pipeline::score(&context, &target, &cameras, kept, &config)?;
     let further = Config { views: MORE, ..config };
-    let judged =
-        || Advice::new(&context, &target, &cameras, own.as_deref(), &further, &mut || ControlFlow::Continue(()));
+    let judged = || {
+        Advice::new(&context, &target, first.intrinsics, &cameras, own.as_deref(), &further, &mut || {
+            ControlFlow::Continue(())
+        })
+    };
     let advice = of_capture.then(judged).transpose()?;
     let enough = advice.map(|advice| advice.enough);
     print_messages(&context);

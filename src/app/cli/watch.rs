@@ -9,20 +9,19 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use glam::DVec3;
-use qrcode::QrCode;
-use qrcode::render::unicode::Dense1x2;
 
 use super::named;
 use super::options::{DeviceOptions, print_messages};
+use super::phone;
 use super::photographed;
 use super::place;
 use super::progress::close_on_interrupt;
 use super::region::RegionOptions;
-use super::server::{Access, Served, Server};
+use super::server::Access;
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
 use crate::app::report::way;
-use crate::app::watch::board::{Flaw, PAGE, Shared, Shown};
+use crate::app::watch::board::{Flaw, Shared, Shown};
 use crate::app::watch::given::{PoseFiles, folders_of_photos};
 use crate::app::watch::inbox::{Arrival, Inbox, below};
 use crate::app::watch::person;
@@ -164,7 +163,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let board = Arc::new(Shared::default());
     let title = folder.canonicalize().unwrap_or_else(|_| folder.clone());
     board.change(|board| board.title = title.file_name().unwrap_or_default().to_string_lossy().into_owned());
-    let server = serve(arguments, Arc::clone(&board))?;
+    let access = Access { port: arguments.port, shared: arguments.share, asks: true };
+    let server = phone::serve(Arc::clone(&board), access, !arguments.no_browser)?;
     let videos = Videos::new(folder, &work);
     let frames = Inbox::open(videos.frames(), &work.join("frames.json"))?;
     let mut looks = Looks { inbox: Inbox::open(&images, &kept)?, frames, poses: PoseFiles::new(folder), settled: None };
@@ -183,36 +183,6 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     });
     print_messages(&watch.context);
     Ok(Ended::Done)
-}
-
-/// Opens the page and says where it is.
-fn serve(arguments: &Arguments, board: Arc<Shared>) -> Result<Server> {
-    let site = move |path: &str| match path {
-        "" => Some(Ok(Served::Html(PAGE.into()))),
-        _ => {
-            // By the version that the page has; a negative one is none.
-            let had: i64 = path.strip_prefix("board/")?.parse().ok()?;
-            Some(board.json(u64::try_from(had).ok()).map(Served::Json))
-        }
-    };
-    let access = Access { port: arguments.port, shared: arguments.share, asks: true };
-    let server = Server::bind(access, None, Box::new(site))?;
-    let url = server.url();
-    say!("page     {url}, until Ctrl-C");
-    match server.shared_url() {
-        Some(shared) => {
-            say!("phone    {shared}: whoever has this address in your network can see the photos and change nothing");
-            if let Ok(code) = QrCode::new(&shared) {
-                say!("{}", code.render::<Dense1x2>().quiet_zone(true).build());
-            }
-        }
-        None if arguments.share => say!("note     no local network was found; the page is for this machine alone"),
-        None => {}
-    }
-    if !arguments.no_browser && open::that_detached(&url).is_err() {
-        say!("note     no browser could be opened; open the address in one");
-    }
-    Ok(server)
 }
 
 impl Watch<'_> {
@@ -510,7 +480,7 @@ impl Watch<'_> {
         let config = Config { seed: *seed, held_out: HELD_OUT, viewers: self.viewers.clone(), ..plain };
         config.validate()?;
         let cameras = set.cameras();
-        let mut advice = Advice::new(&self.context, &target, &cameras, None, &config, &mut go_on)?;
+        let mut advice = Advice::new(&self.context, &target, last.intrinsics, &cameras, None, &config, &mut go_on)?;
         advice.nearest_first(last.pose.position);
         let next = &advice.further[..SHOWN.min(advice.further.len())];
         let pair = || way::apart(set, target.region.up).map(|pair| pair.map(str::to_owned));

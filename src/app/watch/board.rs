@@ -165,7 +165,7 @@ impl Shown {
         let [widest, narrowest] = sfm::CONNECTED;
         match degrees {
             Some(degrees) if degrees < 0.5 * (widest + narrowest) => {
-                let hidden = format!("{} Most of the last {} photos could not be placed.", self.hidden, sfm::RECENT);
+                let hidden = format!("{} Most of the last photos could not be placed.", self.hidden);
                 Self { enough: "not yet", hidden, ..self }
             }
             Some(degrees) if degrees < widest && self.enough == "yes" => Self { enough: "nearly", ..self },

@@ -19,7 +19,7 @@ const BETWEEN_LOOKS: Duration = Duration::from_millis(20);
 /// Widest angle, in degrees, between neighbours that it is to join, where it placed all of the last photos and where none.
 pub const CONNECTED: [f32; 2] = [20.0, 5.0];
 /// How many these are.
-pub const RECENT: usize = 10;
+const RECENT: usize = 10;
 /// Characters of what it complains of that are kept.
 const COMPLAINT: usize = 300;
 

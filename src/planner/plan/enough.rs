@@ -15,7 +15,7 @@ use super::target::Target;
 use crate::engine::parallel::mapped;
 use crate::engine::vulkan::Context;
 use crate::planner::quality::law::Fitted;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::SurfacePoint;
 use crate::{Error, Result};
 
@@ -80,7 +80,7 @@ pub struct Advice {
 }
 
 impl Advice {
-    /// Of the photos `cameras`, by the viewers, seed and held-out points of `config`, which has the number of further photos too
+    /// Of the photos `cameras`, beside which further ones have this lens, by the viewers, seed and held-out points of `config`, which has the number of further photos too
     /// (`views`); beside `own`, the photos of the capture, where these are others. `go_on` is asked every now and then and may stop it.
     ///
     /// # Errors
@@ -88,13 +88,16 @@ impl Advice {
     pub fn new(
         context: &Arc<Context>,
         target: &Target,
+        lens: Intrinsics,
         cameras: &[Camera],
         own: Option<&[Camera]>,
         config: &Config,
         go_on: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Self> {
-        let first = cameras.first().ok_or_else(|| Error::request("there are no photos to judge"))?;
-        let problem = Problem::new(target, first.intrinsics, cameras)?;
+        if cameras.is_empty() {
+            return Err(Error::request("there are no photos to judge"));
+        }
+        let problem = Problem::new(target, lens, cameras)?;
         let scene = Arc::new(problem.on(context)?);
         // The first, since it refuses more photos than fit the device.
         let preparation = Preparation::new(context, &problem, config.clone())?;
@@ -218,7 +221,7 @@ fn shown(place: DVec3, cameras: &[Camera]) -> Option<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::camera::{Intrinsics, Pose};
+    use crate::scene::camera::Pose;
 
     /// If this failed, a photographer would be sent to the wrong place, or be told of single points.
     #[test]

@@ -35,6 +35,7 @@ impl QualityConfig {
             Some(degrees) if !(1.0..=90.0).contains(&degrees) => {
                 refused("`connect`", degrees, "an angle between 1 and 90 degrees")
             }
+            None if self.direct => refused("`direct`", self.direct, "false where `connect` is none"),
             _ => Ok(()),
         }
     }
