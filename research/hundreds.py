@@ -39,17 +39,22 @@ def make(folder, count):
     (folder / "cameras.json").write_text(json.dumps(frames_walk.cameras(poses)))
 
 
-def register(folder, count):
-    files = sorted((folder / "photos/images").iterdir())[:count]
+def placed(files, work):
+    """Names of the photos that COLMAP places, going on in the folder `work`, and its memory in MB."""
     photos = [[file.name, str(file.resolve()), "lens", zlib.crc32(file.read_bytes())] for file in files]
-    start = time.time()
     run = subprocess.Popen([sys.executable, REGISTER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     # Its input stays open until it has ended.
-    run.stdin.write(json.dumps({"work": str((folder / "sfm").resolve()), "photos": photos}) + "\n")
+    run.stdin.write(json.dumps({"work": str(work.resolve()), "photos": photos}) + "\n")
     run.stdin.flush()
     posed = json.loads(run.stdout.read().strip().splitlines()[-1])["posed"]
     _, _, usage = os.wait4(run.pid, 0)
-    print(f"{count} photos, {len(posed)} with a pose: {time.time() - start:.1f} s, {usage.ru_maxrss / 1024:.0f} MB", flush=True)
+    return posed, usage.ru_maxrss / 1024
+
+
+def register(folder, count):
+    start = time.time()
+    posed, memory = placed(sorted((folder / "photos/images").iterdir())[:count], folder / "sfm")
+    print(f"{count} photos, {len(posed)} with a pose: {time.time() - start:.1f} s, {memory:.0f} MB", flush=True)
 
 
 if __name__ == "__main__":

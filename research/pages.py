@@ -21,7 +21,7 @@ BROWSER += ["--virtual-time-budget=6000"]
 
 def settled(board, count):
     """Whether the page is up to date with so many photos."""
-    done = board["stage"].startswith(("Up to date", "No two photos", "Take a few"))
+    done = board["stage"].startswith(("Up to date", "No two photos", "Take five"))
     return board["photos"] == count and done and (board["advice"] is None or f"with {count} photos" in board["stage"])
 
 
