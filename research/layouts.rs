@@ -188,6 +188,32 @@ fn inside(space: &FreeSpace, views: usize, draws: &mut Draws) -> Vec<(&'static s
     all.push(("middle", middle.collect()));
     let inward = (0..views).map(|i| (place(i), centre + 0.2 * extent.length() * draws.normal() / 3f64.sqrt()));
     all.push(("inward", inward.collect()));
+    for name in ["scattered_a", "scattered_b"] {
+        let seed = seed ^ (1 + all.len() as u64);
+        let anywhere = (0..views).map(|i| {
+            let p = space.sample(seed, 7, i as u32);
+            (p, p + draws.direction())
+        });
+        all.push((name, anywhere.collect()));
+    }
+    // Places far from one another, and directions that are even over all of them.
+    let candidates: Vec<DVec3> = (0..20 * views).map(place).collect();
+    let mut gap: Vec<f64> = vec![f64::INFINITY; candidates.len()];
+    let turn = draws.rotation();
+    let spread = fibonacci(views).into_iter().map(|d| {
+        let at = (0..gap.len()).max_by(|a, b| gap[*a].total_cmp(&gap[*b])).unwrap_or(0);
+        let p = candidates[at];
+        gap.iter_mut().zip(&candidates).for_each(|(gap, other)| *gap = gap.min(p.distance(*other)));
+        (p, p + turn * d)
+    });
+    all.push(("spread", spread.collect()));
+    // From where they stand through the middle's surroundings to the other side.
+    let across = (0..views).map(|i| {
+        let p = place(i);
+        let aside = 0.25 * extent * draws.normal() / 3f64.sqrt();
+        (p, p + (centre + aside - p).normalize_or(DVec3::X) + 0.3 * draws.normal())
+    });
+    all.push(("across", across.collect()));
     all
 }
 

@@ -9,6 +9,7 @@ Every way begins with the same ten photos from one side, and every photo misses 
 scene and its aim by 8 degrees (standard deviations); of places that are named, every fifth is skipped. Photos are rendered.
 
     advice    by `camsplat next` for the photos so far, five at a time up to 40, then ten
+    nearest   one at a time, of five that `camsplat next` names the nearest to the photo before: COVER's embodied protocol
     once      all by one `camsplat plan --keep` for the first ten
     orbit     a walk around at even steps and one height; in a room along its walls, looking across
     habit     half of the orbit's photos, then details: from half as far
@@ -17,7 +18,7 @@ scene and its aim by 8 degrees (standard deviations); of places that are named, 
     more      the orbit's photos and the ten that `camsplat next` then names, which miss nothing: what these gain in truth
 
 Splats are trained on the photos and tested on 40 views at random in that region, which nothing else sees. Appends to OUT/psnr.csv: scene,
-way, photos, seed, PSNR, photos with a pose; and to OUT/gains.csv, of advice and orbit: scene, way, photos, seed, what ten more photos are
+way, photos, seed, PSNR, photos with a pose, length of the way from photo to photo; and to OUT/gains.csv, of advice and orbit: scene, way, photos, seed, what ten more photos are
 expected to gain, share of what viewers look at that no photo shows.
 
 Poses are known, unless `--sfm` is given: then photos are blurred, their exposure drifts, and COLMAP poses them, one after another as they
@@ -42,7 +43,7 @@ OFF, TURNED = 0.04, math.radians(8)
 SIZE, FOV = (400, 300), 60
 # With --sfm: photos are as many times as large for COLMAP; blur in pixels of these, and exposure in stops from photo to photo.
 LARGER, BLUR, DRIFT = 2, 1.0, 0.1
-WAYS = ["advice", "once", "orbit", "habit", "random", "perfect", "more"]
+WAYS = ["advice", "nearest", "once", "orbit", "habit", "random", "perfect", "more"]
 # Also trained on: advice from ten photos to the next.
 STEPS = [10, 30, 60, 80]
 REGISTER = Path(__file__).parent.parent / "src/app/watch/register.py"
@@ -193,6 +194,16 @@ class Scene:
                 named += asked
             yield number, album
 
+    def nearest(self, numbers):
+        album = self.album("nearest")
+        album.add(self.first)
+        named = 0
+        for number in numbers:
+            while len(album) < number:
+                album.add(self.kept(album.next(5)["poses"][:1], named))
+                named += 1
+            yield number, album
+
     def once(self, numbers):
         for number in numbers:
             album = self.album("once")
@@ -224,6 +235,7 @@ class Scene:
             "random": lambda: self.of(way, numbers, self.even),
             "perfect": lambda: self.of(way, numbers, lambda number: self.planned(f"perfect{number}", number, "--seed", self.seed)),
             "advice": lambda: self.advice(numbers),
+            "nearest": lambda: self.nearest(numbers),
             "once": lambda: self.once(numbers),
         }
         return ways[way]()
@@ -242,6 +254,10 @@ class Known:
     @property
     def posed(self):
         return len(self.poses)
+
+    @property
+    def length(self):
+        return sum(np.linalg.norm(b - a) for (a, _), (b, _) in zip(self.poses, self.poses[1:]))
 
     def add(self, poses):
         self.poses = self.poses + list(poses)
@@ -412,13 +428,13 @@ def compare(scene, arguments, ways, numbers):
         scene.draw = random.Random(f"{way} {scene.seed}")
         for number, album in scene.taken(way, numbers):
             if missing(way, number):
-                write(psnr, way, number, scene.seed, round(album.trained(), 3), album.posed)
+                write(psnr, way, number, scene.seed, round(album.trained(), 3), album.posed, round(album.length, 2))
                 if way in ("advice", "orbit"):
                     answer = album.next(MORE)
                     write(gains, way, number, scene.seed, round(answer["gain_db"], 3), round(answer["unseen"], 4))
             if way == "orbit" and "more" in ways and missing("more", number):
                 album.add(album.next(MORE)["poses"])
-                write(psnr, "more", number, scene.seed, round(album.trained(), 3), album.posed)
+                write(psnr, "more", number, scene.seed, round(album.trained(), 3), album.posed, round(album.length, 2))
 
 
 def main():
