@@ -20,10 +20,18 @@ impl Proxy {
     pub fn sample(&self, count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
         let mut points = match &self.occluder {
             Occluder::Triangles(triangles) => self.sample_triangles(triangles, count, seed, stream),
-            Occluder::Discs(discs) => self.sample_discs(discs, count, seed, stream),
+            Occluder::Discs(discs) => self.sample_discs(discs, |disc| disc.radius.powi(2), count, seed, stream),
         };
         random::shuffle(&mut points, seed, stream);
         points
+    }
+
+    /// As [`Self::sample`], but of a cloud each point is as likely as any other: where structure from motion found many, it finds many again.
+    pub fn sample_features(&self, count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
+        match &self.occluder {
+            Occluder::Triangles(triangles) => self.sample_triangles(triangles, count, seed, stream),
+            Occluder::Discs(discs) => self.sample_discs(discs, |_| 1.0, count, seed, stream),
+        }
     }
 
     fn sample_triangles(&self, triangles: &[[DVec3; 3]], count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
@@ -61,7 +69,15 @@ impl Proxy {
         points
     }
 
-    fn sample_discs(&self, discs: &[Disc], count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
+    /// Centres of discs, each with a probability by its weight.
+    fn sample_discs(
+        &self,
+        discs: &[Disc],
+        weight: impl Fn(&Disc) -> f64,
+        count: usize,
+        seed: u64,
+        stream: u32,
+    ) -> Vec<SurfacePoint> {
         // The discs lie along a space-filling curve, so every other one is an even half of the cloud.
         let [offset_word, flip, ..] = random::bits(seed, stream / 2, OFFSET);
         let offset = f64::from(random::uniform(offset_word));
@@ -71,8 +87,8 @@ impl Proxy {
         let mut chosen = Vec::with_capacity(count);
         for half in [own, other].iter().cycle() {
             let wanted = (count - chosen.len()).min(half.len());
-            let areas: Vec<f64> = half.iter().map(|i| discs[*i].radius.powi(2)).collect();
-            chosen.extend(systematic(&areas, wanted, offset).into_iter().map(|i| half[i]));
+            let weights: Vec<f64> = half.iter().map(|i| weight(&discs[*i])).collect();
+            chosen.extend(systematic(&weights, wanted, offset).into_iter().map(|i| half[i]));
             if chosen.len() == count || discs.is_empty() {
                 break;
             }

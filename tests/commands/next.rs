@@ -121,6 +121,41 @@ fn advice_that_is_followed_gains_less_and_less() {
     assert!(gains[0] > 0.3 && gains[1] < gains[0] && gains[2] < gains[0], "{gains:?}");
 }
 
+/// A camera as a frame of transforms.json, with a lens of so many times its focal length.
+fn frame(camera: &Camera, longer: f64) -> Value {
+    let m = camera.pose.rotation;
+    let (right, up, back) = (m * DVec3::X, m * DVec3::NEG_Y, m * DVec3::NEG_Z);
+    let position = camera.pose.position;
+    let rows: Vec<[f64; 4]> =
+        (0..3).map(|k| [right[k], up[k], back[k], position[k]]).chain([[0.0, 0.0, 0.0, 1.0]]).collect();
+    let lens = &camera.intrinsics;
+    serde_json::json!({
+        "file_path": format!("{}.png", camera.name), "transform_matrix": rows, "fl_x": longer * lens.focal[0], "fl_y": longer * lens.focal[1],
+        "cx": lens.principal[0], "cy": lens.principal[1], "w": lens.width, "h": lens.height
+    })
+}
+
+/// If this failed, someone who changed the lens would be sent to places that are for the one before.
+#[test]
+fn the_next_photos_have_the_lens_of_the_last() {
+    let place = Place::new();
+    place.done("plan ball.ply --views 6 --iterations 5 --held-out 60 --out all");
+    let record = place.plan("all");
+    let longer = |i: usize| if i == 5 { 2.0 } else { 1.0 };
+    let frames: Vec<Value> = record.cameras.iter().enumerate().map(|(i, camera)| frame(camera, longer(i))).collect();
+    place.write("two.json", serde_json::json!({ "frames": frames }).to_string());
+    let wide = record.cameras[0].intrinsics.focal[0];
+    let found = |arguments: &str| {
+        let answer = answered(&place, &format!("ball.ply two.json --views 3 {arguments}"));
+        let away = poses(&answer).iter().map(|pose| pose.position.length()).sum::<f64>() / 3.0;
+        (answer["intrinsics"]["focal"][0].as_f64().unwrap() / wide, away)
+    };
+    let (last, first) = (found(""), found(&format!("--from {}.png", record.cameras[0].name)));
+    assert!((last.0 - 2.0).abs() < 1e-9 && (first.0 - 1.0).abs() < 1e-9, "{last:?} {first:?}");
+    // A lens that shows half as much stands farther off.
+    assert!(last.1 > 1.4 * first.1, "{last:?} {first:?}");
+}
+
 /// If this failed, a robot with a mesh and poses but no photos could not ask, or would be sent where it has been.
 #[test]
 fn cameras_beside_a_surface_do_as_well_as_a_capture() {
@@ -130,20 +165,8 @@ fn cameras_beside_a_surface_do_as_well_as_a_capture() {
     // Those on one side of the ball.
     let front: Vec<&Camera> = record.cameras.iter().filter(|camera| camera.pose.position.y < 0.0).collect();
     assert!((3..10).contains(&front.len()), "{}", front.len());
-    let frame = |camera: &&Camera| {
-        let m = camera.pose.rotation;
-        let (right, up, back) = (m * DVec3::X, m * DVec3::NEG_Y, m * DVec3::NEG_Z);
-        let position = camera.pose.position;
-        let rows: Vec<[f64; 4]> =
-            (0..3).map(|k| [right[k], up[k], back[k], position[k]]).chain([[0.0, 0.0, 0.0, 1.0]]).collect();
-        serde_json::json!({ "file_path": camera.name, "transform_matrix": rows })
-    };
-    let lens = &record.cameras[0].intrinsics;
-    let frames: Vec<Value> = front.iter().map(frame).collect();
-    let file = serde_json::json!({
-        "fl_x": lens.focal[0], "fl_y": lens.focal[1], "cx": lens.principal[0], "cy": lens.principal[1], "w": lens.width, "h": lens.height,
-        "frames": frames
-    });
+    let frames: Vec<Value> = front.iter().map(|camera| frame(camera, 1.0)).collect();
+    let file = serde_json::json!({ "frames": frames });
     place.write("front.json", file.to_string());
     let answer = answered(&place, "ball.ply front.json --views 4");
     let behind = poses(&answer).iter().filter(|pose| pose.position.y > 0.0).count();

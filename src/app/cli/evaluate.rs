@@ -31,7 +31,6 @@ use crate::lab::path_tracer::lightmap::Light;
 use crate::planner::plan::config::Preset;
 use crate::planner::plan::target::RegionChoice;
 use crate::scene::limits::Limits;
-use crate::scene::samples::textured::two_rooms_model;
 use crate::splats::image_metrics::{Network, Weights};
 use crate::{Error, Result};
 
@@ -113,7 +112,7 @@ pub struct Arguments {
     tests: Option<u32>,
     #[command(flatten)]
     viewers: ViewerOptions,
-    /// Surroundings in which objects are photographed, or two built-in rooms. Floors, walls and blocks become part of the scene, and
+    /// Surroundings in which objects are photographed, or built-in rooms. Floors, walls and blocks become part of the scene, and
     /// cameras and viewers respect them [default: free]
     #[arg(long, value_enum)]
     situation: Option<Situation>,
@@ -181,7 +180,7 @@ const QUICK: [&str; 3] = ["random", "fvs", "ours"];
 
 impl Arguments {
     fn preset(&self) -> Preset {
-        let is_room = self.box_.is_some() || self.situation() == Situation::TwoRooms;
+        let is_room = self.box_.is_some() || self.situation().is_room();
         self.preset.unwrap_or(if is_room { Preset::Room } else { Preset::Object })
     }
 
@@ -192,10 +191,12 @@ impl Arguments {
     /// Refuses scenes where the situation has its own, and none where it has not.
     fn check_scenes(&self) -> Result<()> {
         match (self.situation, self.scenes.is_empty() && self.pool.is_empty()) {
-            (Some(Situation::TwoRooms), false) => {
-                Err(Error::request("--situation two-rooms: it is a scene by itself; leave the scenes out"))
+            (Some(room), false) if room.is_room() => {
+                let name = room.name();
+                Err(Error::request(format!("--situation {name}: it is a scene by itself; leave the scenes out")))
             }
-            (Some(Situation::TwoRooms), true) | (_, false) => Ok(()),
+            (Some(room), true) if room.is_room() => Ok(()),
+            (_, false) => Ok(()),
             _ => Err(Error::request("there are no scenes; give some objects (.glb, .gltf)")),
         }
     }
@@ -269,8 +270,9 @@ impl Arguments {
 
     /// The scenes' names in tables and in the files of layouts.
     fn names(&self) -> Vec<String> {
-        let two_rooms = (self.situation() == Situation::TwoRooms).then(|| PathBuf::from(Situation::TwoRooms.name()));
-        self.scenes.iter().chain(&two_rooms).map(|path| Scene::name_of(path)).collect()
+        let room = self.situation();
+        let room = room.is_room().then(|| PathBuf::from(room.name()));
+        self.scenes.iter().chain(&room).map(|path| Scene::name_of(path)).collect()
     }
 
     /// Reads all that is evaluated on; the notes say what was understood.
@@ -296,8 +298,7 @@ impl Arguments {
             }
             subjects.push(Subject::Scene(Box::new(scene)));
         }
-        if request.situation == Situation::TwoRooms {
-            let model = two_rooms_model();
+        if let Some(model) = request.situation.rooms() {
             let surface = model.surface();
             let scene = Scene::new(
                 Path::new(&request.situation.name()),

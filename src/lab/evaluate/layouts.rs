@@ -22,7 +22,6 @@ use crate::planner::quality::look::Surroundings;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::limits::Limits;
-use crate::scene::samples::textured::two_rooms_model;
 use crate::splats::run::outputs::RECORD as TRAINED;
 use crate::splats::run::record::TestView;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
@@ -107,7 +106,7 @@ pub struct Trained {
 
 impl Trained {
     /// Reads every run of the scene in these folders of evaluations: one for each region, situation, limits, viewers and tests that they
-    /// have. Two rooms, which have no file, are the scene `two-rooms`.
+    /// have. Rooms without a file are the scene that [`Situation::name`] says, such as `two-rooms`.
     ///
     /// # Errors
     /// Where a folder holds no evaluation, none of them has this scene, or a file cannot be read.
@@ -143,13 +142,12 @@ impl Trained {
         let Asked { kind, settings: LayoutSettings { region }, viewers, situation, limits } = asked;
         let preset = kind.preset();
         let setting = Setting { preset, choice: region, situation, limits };
-        let (mut model, mut surface) = match situation {
-            Situation::TwoRooms => {
-                let model = two_rooms_model();
+        let (mut model, mut surface) = match situation.rooms() {
+            Some(model) => {
                 let surface = model.surface();
                 (model, surface)
             }
-            _ => (read_model(scene, &mut Vec::new())?, io::read_surface(scene)?),
+            None => (read_model(scene, &mut Vec::new())?, io::read_surface(scene)?),
         };
         let target = setting.target(scene, &mut model, &mut surface, &intrinsics)?;
         let geometry = target.geometry()?;

@@ -1,4 +1,4 @@
-//! Practical situations: what surrounds an object, who looks at it, what has been photographed already; and two rooms.
+//! Practical situations: what surrounds an object, who looks at it, what has been photographed already; and rooms of our own.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use crate::scene::limits::{Limits, Wall};
 use crate::scene::model::Model;
 use crate::scene::random;
 use crate::scene::region::{Region, Shape};
-use crate::scene::samples::textured::Surroundings;
+use crate::scene::samples::textured::{Clutter, Surroundings, furnished_room, two_rooms_model};
 use crate::scene::volume::{Volume, box_triangles};
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
@@ -51,6 +51,12 @@ pub enum Situation {
     Front,
     /// Two furnished rooms with a door between them, in place of a scene file
     TwoRooms,
+    /// A room with a few things along its walls, in place of a scene file
+    BareRoom,
+    /// A furnished room, in place of a scene file
+    FurnishedRoom,
+    /// A room with things wherever there is a place, in place of a scene file
+    CrowdedRoom,
 }
 
 impl Situation {
@@ -65,6 +71,9 @@ impl Situation {
             Self::OneSide => "one-side",
             Self::Front => "front",
             Self::TwoRooms => "two-rooms",
+            Self::BareRoom => "bare-room",
+            Self::FurnishedRoom => "furnished-room",
+            Self::CrowdedRoom => "crowded-room",
         }
     }
 
@@ -79,6 +88,9 @@ impl Situation {
             Self::OneSide => ", as many photos from one side there already",
             Self::Front => ", viewers within 120 degrees in front",
             Self::TwoRooms => ", two rooms with a door between them",
+            Self::BareRoom => ", a room with a few things",
+            Self::FurnishedRoom => ", a furnished room",
+            Self::CrowdedRoom => ", a crowded room",
         }
     }
 
@@ -89,7 +101,23 @@ impl Situation {
 
     /// Whether viewers look at objects from other positions than around a free one.
     pub fn has_viewers(self) -> bool {
-        !matches!(self, Self::Free | Self::OneSide | Self::TwoRooms)
+        self.furnishes() || self == Self::Front
+    }
+
+    /// The rooms that are the scene themselves; none where it is of objects in files.
+    pub fn rooms(self) -> Option<Model> {
+        match self {
+            Self::TwoRooms => Some(two_rooms_model()),
+            Self::BareRoom => Some(furnished_room(Clutter::Bare)),
+            Self::FurnishedRoom => Some(furnished_room(Clutter::Furnished)),
+            Self::CrowdedRoom => Some(furnished_room(Clutter::Crowded)),
+            _ => None,
+        }
+    }
+
+    /// Whether it has [`Self::rooms`].
+    pub fn is_room(self) -> bool {
+        matches!(self, Self::TwoRooms | Self::BareRoom | Self::FurnishedRoom | Self::CrowdedRoom)
     }
 
     /// Where viewers look from by default.
@@ -110,10 +138,7 @@ impl Situation {
             return Ok(());
         }
         let name = self.name();
-        let (wanted, of) = match self {
-            Self::TwoRooms => (Kind::Room, "rooms"),
-            _ => (Kind::Object, "objects"),
-        };
+        let (wanted, of) = if self.is_room() { (Kind::Room, "rooms") } else { (Kind::Object, "objects") };
         if kind != wanted {
             return Err(Error::request(format!("--situation {name}: it is of {of}; leave it, --preset or --box out")));
         }
@@ -133,10 +158,10 @@ impl Situation {
     pub fn furnish(self, model: &mut Model, bounds: (DVec3, DVec3), radius: f64, region: Region) -> (Region, Limits) {
         let Shape::Shell { centre, r_min, r_max } = region.shape else { return (region, Limits::default()) };
         let walls = match self {
-            Self::Free | Self::OneSide | Self::Front | Self::TwoRooms => return (region, Limits::default()),
             Self::Floor | Self::Clutter => 0,
             Self::Wall => 1,
             Self::Corner => 2,
+            _ => return (region, Limits::default()),
         };
         // Floor and walls reach as far on all sides, but not behind a wall.
         let low = bounds.0 - GAP * radius;

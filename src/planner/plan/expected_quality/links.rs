@@ -30,6 +30,9 @@ const LINK_STREAM: u32 = 0x6c69_6e6b;
 /// Part that both of two cameras must see of what the one sees that sees less, and so many points at least.
 const SHARED: f64 = 0.3;
 const MIN_SHARED: usize = 6;
+/// Part of what a kept camera sees that one linked to it must see too, at the angles in degrees at and beyond which it is this: someone who
+/// asks for narrower angles has lost photos, and those that turn where they stand differ by no angle at all.
+const OF_KEPT: [(f64, f64); 2] = [(20.0, 0.3), (5.0, 0.6)];
 /// Points of a link that pull.
 const ANCHORS: usize = 16;
 /// Weight of the penalty, at first and at last, against expected quality, whose gradient by a camera is about one over their number.
@@ -53,6 +56,8 @@ pub struct Links {
     angle: f32,
     /// Whether only kept cameras are neighbours.
     direct: bool,
+    /// Part of what one of two cameras sees that both must see: of the kept one, else of the one that sees less.
+    shared: f64,
     points: Vec<Probe>,
 }
 
@@ -72,9 +77,13 @@ pub struct Sight {
 impl Links {
     /// Neighbours at points of the surface of `proxy`, where cameras are to connect.
     pub fn of(own: &QualityConfig, proxy: &Proxy, geometry: &SceneGeometry, seed: u64) -> Option<Self> {
-        let angle = own.connect?.to_radians();
-        let points = proxy.sample(POINTS, seed, LINK_STREAM).iter().map(|point| Probe::new(point, geometry)).collect();
-        Some(Self { angle, direct: own.direct, points })
+        let degrees = own.connect?;
+        let [(wide, least), (narrow, most)] = OF_KEPT;
+        let nearness = ((wide - f64::from(degrees)) / (wide - narrow)).clamp(0.0, 1.0);
+        let shared = if own.direct { least + nearness * (most - least) } else { SHARED };
+        let points = proxy.sample_features(POINTS, seed, LINK_STREAM);
+        let points = points.iter().map(|point| Probe::new(point, geometry)).collect();
+        Some(Self { angle: degrees.to_radians(), direct: own.direct, shared, points })
     }
 
     /// What cameras see, by camera.
@@ -103,9 +112,11 @@ impl Links {
         sight
     }
 
-    /// Points that two cameras must share.
-    fn least(a: &Sight, b: &Sight) -> usize {
-        MIN_SHARED.max((SHARED * a.seen.len().min(b.seen.len()) as f64).ceil() as usize)
+    /// Points that two cameras must share, the first of which is kept where only kept ones are neighbours: what the other sees may be
+    /// next to nothing that is known.
+    fn least(&self, a: &Sight, b: &Sight) -> usize {
+        let of = if self.direct { a.seen.len() } else { a.seen.len().min(b.seen.len()) };
+        MIN_SHARED.max((self.shared * of as f64).ceil() as usize)
     }
 
     /// Whether two cameras share enough at an angle that is not too wide.
@@ -114,7 +125,7 @@ impl Links {
             a.seen.iter().map(|point| *point as usize).filter(|point| {
                 b.off[*point] <= b.half_cone && between(a.toward[*point], b.toward[*point]) <= self.angle
             });
-        shared.count() >= Self::least(a, b)
+        shared.count() >= self.least(a, b)
     }
 
     /// The points that cost a pair least, as many as it must share, and what these cost in the mean; none where too few are seen by
@@ -134,7 +145,7 @@ impl Links {
         });
         scratch.clear();
         scratch.extend(of_a.chain(of_b).map(|point| (cost(point), *point)));
-        let least = Self::least(a, b);
+        let least = self.least(a, b);
         if scratch.len() < least {
             return None;
         }
@@ -308,6 +319,23 @@ mod tests {
     fn vector(stream: u32, index: u32) -> DVec3 {
         let [x, y, z, _] = random::uniforms(11, stream, index);
         2.0 * DVec3::new(x, y, z) - 1.0
+    }
+
+    /// If this failed, a photo that is asked for could show hardly anything that is known: all of that may be in one that there is, and
+    /// structure from motion still finds too little to place it. In a room with plain walls it placed none of those.
+    #[test]
+    fn a_linked_photo_shows_much_of_what_the_kept_one_does() {
+        let sight = |seen: std::ops::Range<u32>| {
+            let off = (0..100).map(|i| if seen.contains(&i) { 0.1 } else { 1.0 }).collect();
+            Sight { centre: Vec3::ZERO, toward: vec![Vec3::Z; 100], off, half_cone: 0.4, seen: seen.collect() }
+        };
+        let links = |direct, shared| Links { angle: 0.3, direct, shared, points: Vec::new() };
+        let kept = sight(0..80);
+        // All of the little that one sees, and less than half of what the other does.
+        assert!(!links(true, 0.3).join(&kept, &sight(70..90)) && links(false, 0.3).join(&kept, &sight(70..90)));
+        assert!(links(true, 0.3).join(&kept, &sight(50..100)) && !links(true, 0.6).join(&kept, &sight(50..100)));
+        let mut scratch = Vec::new();
+        assert!(links(true, 0.3).cheapest(&kept, &sight(70..90), &mut scratch).is_some_and(|cost| cost > 0.1));
     }
 
     /// If this failed, cameras that are to connect would be pulled another way than toward each other, only slowly and unnoticed.

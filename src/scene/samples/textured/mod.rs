@@ -1,6 +1,6 @@
-//! Two furnished rooms, and surroundings of objects, to be photographed: furniture and textures, all made by code. +Y up.
+//! Furnished rooms, and surroundings of objects, to be photographed: furniture and textures, all made by code. +Y up.
 //!
-//! [`rooms`](two_rooms_model) says where things stand; `seats`, `cabinets`, `fittings` and `things` make them of the pieces of
+//! [`rooms`](two_rooms_model) and [`furnished`](furnished_room) say where things stand; `seats`, `cabinets`, `fittings` and `things` make them of the pieces of
 //! `furnisher` and `shapes`, in finishes of `palette`. Textures are named in `texture`; what they show is in `wood`, `walls`, `cloth`,
 //! `print`, `paintings` and `nature`, all from the noise of `noise`.
 
@@ -8,6 +8,7 @@ mod cabinets;
 mod cloth;
 mod clutter;
 mod fittings;
+mod furnished;
 mod furnisher;
 mod nature;
 mod noise;
@@ -23,6 +24,7 @@ mod walls;
 mod wood;
 
 pub use self::clutter::Surroundings;
+pub use self::furnished::{Clutter, furnished_room};
 pub use self::rooms::two_rooms_model;
 
 #[cfg(test)]

@@ -45,7 +45,7 @@ pub fn two_rooms_model() -> Model {
 }
 
 /// A wall with an opening, from a corner along one side and up: the opening goes from `from` to `to` along and up.
-fn wall(add: &mut Furnisher, corner: DVec3, along: DVec3, from: [f64; 2], to: [f64; 2], finish: Finish) {
+pub(super) fn wall(add: &mut Furnisher, corner: DVec3, along: DVec3, from: [f64; 2], to: [f64; 2], finish: Finish) {
     let (direction, length) = (along.normalize(), along.length());
     let mut piece = |a: [f64; 2], b: [f64; 2]| {
         if b[0] > a[0] && b[1] > a[1] {

@@ -1,0 +1,327 @@
+//! Single rooms with few things in them, with many, and with so many that one has to walk around them. What stands where is drawn at
+//! random, and is always the same.
+
+use glam::{DAffine3, DVec3};
+
+use super::cabinets::{chest, door, shelf, stack_of_books, table, wardrobe};
+use super::fittings::{ceiling_lamp, curtains, pendant, picture, radiator, rug, standing_lamp, window};
+use super::furnisher::{APART, Finish, Furnisher, Gloss};
+use super::palette::{BLUE_GLAZE, CLAY, CREAM_GLAZE, DARK_WOOD, GRAPHITE, OAK, OATMEAL, SAGE, WALNUT, WHITE};
+use super::rooms::wall;
+use super::seats::{bed, chair, pouffe, sofa};
+use super::texture::Texture;
+use super::things::{bowl, cup, desk_lamp, fruit, keyboard, monitor, plant, plate, twigs, vase};
+use crate::scene::model::Model;
+use crate::scene::random;
+
+/// Height of the ceiling, and of the upper edge of the window.
+const HEIGHT: f64 = 2.6;
+/// Middle of the window above the floor, and half its size.
+const WINDOW: (f64, [f64; 2]) = (1.52, [0.9, 0.62]);
+/// Tries to find a place for a thing.
+const TRIES: u32 = 200;
+const SEED: u64 = 0x6675_726e;
+
+const FLOOR: Finish = Finish::of(Texture::Planks).with(Gloss::Varnished);
+const CEILING: Finish = Finish::of(Texture::Plaster).tinted(250, 248, 244);
+const PAPERED: Finish = Finish::of(Texture::Wallpaper);
+
+/// How much stands in a room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clutter {
+    /// 5 m by 4, with a few things along the walls.
+    Bare,
+    /// 6 m by 5, with things along the walls and in the middle.
+    Furnished,
+    /// 7.5 m by 6, with things wherever there is a place, as in a junk shop.
+    Crowded,
+}
+
+impl Clutter {
+    /// Its size along x and z, in metres.
+    fn size(self) -> [f64; 2] {
+        match self {
+            Self::Bare => [5.0, 4.0],
+            Self::Furnished => [6.0, 5.0],
+            Self::Crowded => [7.5, 6.0],
+        }
+    }
+
+    /// Colour of its walls.
+    fn plaster(self) -> Finish {
+        let [r, g, b] = match self {
+            Self::Bare => [226, 216, 200],
+            Self::Furnished => [206, 212, 212],
+            Self::Crowded => [214, 190, 164],
+        };
+        Finish::of(Texture::Plaster).tinted(r, g, b)
+    }
+
+    /// Share of the walls with something in front of it, things that stand free, and space around each, in metres.
+    fn measure(self) -> (f64, u32, f64) {
+        match self {
+            Self::Bare => (0.3, 1, 0.7),
+            Self::Furnished => (0.65, 6, 0.45),
+            Self::Crowded => (0.95, 40, 0.2),
+        }
+    }
+}
+
+/// Short for places.
+fn v(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, y, z)
+}
+
+/// A room with a door and a window, lit by this and by lamps; +Y up, in metres, a corner of the floor at 0.
+pub fn furnished_room(clutter: Clutter) -> Model {
+    let mut model = Model::default();
+    let mut add = Furnisher::new(&mut model, DAffine3::IDENTITY);
+    let size = clutter.size();
+    shell(&mut add, size, clutter.plaster());
+    let (share, free, apart) = clutter.measure();
+    let mut places = Places { draws: clutter as u32 * 100_000, size, taken: Vec::new(), apart };
+    along_walls(&mut add, &mut places, share);
+    for number in 0..free {
+        standing_free(&mut add, &mut places, number);
+    }
+    for i in 0..3 {
+        let at = v(size[0] * (f64::from(i) + 0.5) / 3.0, HEIGHT, 0.5 * size[1]);
+        match i {
+            1 if clutter == Clutter::Crowded => add.at(at - v(0.0, APART, 0.0), 0.0, |add| pendant(add, 0.6)),
+            1 => {}
+            _ => add.at(at, 0.0, |add| ceiling_lamp(add, 0.42)),
+        }
+    }
+    model
+}
+
+/// Floor, ceiling and walls; a window in the middle of the wall z = 0, a door at the end of the one across.
+fn shell(add: &mut Furnisher, [wide, deep]: [f64; 2], plaster: Finish) {
+    let (right, back, up) = (v(wide, 0.0, 0.0), v(0.0, 0.0, deep), v(0.0, HEIGHT, 0.0));
+    add.sheet(back, [right, -back], FLOOR);
+    add.sheet(up, [right, back], CEILING);
+    let (y, [a, b]) = WINDOW;
+    let x = 0.5 * wide;
+    wall(add, DVec3::ZERO, right, [x - a, y - b], [x + a, y + b], plaster);
+    add.sheet(right + back, [-right, up], plaster);
+    add.sheet(back, [-back, up], PAPERED);
+    add.sheet(right, [back, up], plaster);
+    add.at(v(x, y, 0.0), 0.0, |add| window(add, [a, b], [0.1, 0.7]));
+    add.at(v(x, 0.0, 0.0), 0.0, |add| {
+        curtains(add, [a - 0.02, a + 0.4], [0.04, 2.36]);
+        radiator(add, 0.6, 0.64);
+    });
+    add.at(v(0.7, 0.0, deep), 180.0, door);
+}
+
+/// Random numbers in a fixed order, and the parts of the floor that are taken: middles and half sizes along x and z.
+struct Places {
+    draws: u32,
+    size: [f64; 2],
+    taken: Vec<([f64; 2], [f64; 2])>,
+    apart: f64,
+}
+
+impl Places {
+    fn draw(&mut self) -> [f64; 4] {
+        self.draws += 1;
+        random::uniforms(SEED, 0, self.draws)
+    }
+
+    /// Whether something of this half size at `middle` is within the room and has space around it.
+    fn is_free(&self, middle: [f64; 2], half: [f64; 2], apart: f64) -> bool {
+        let inside = (0..2).all(|k| middle[k] - half[k] >= 0.02 && middle[k] + half[k] <= self.size[k] - 0.02);
+        let clear = |(other, size): &([f64; 2], [f64; 2])| {
+            (0..2).any(|k| (middle[k] - other[k]).abs() > half[k] + size[k] + apart)
+        };
+        inside && self.taken.iter().all(clear)
+    }
+}
+
+/// Things in front of the walls until so much of them is covered, and pictures above where there is a place.
+fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64) {
+    let [wide, deep] = places.size;
+    // The door, and what stands below the window.
+    places.taken.push(([0.7, deep - 0.4], [0.5, 0.4]));
+    places.taken.push(([0.5 * wide, 0.1], [1.3, 0.1]));
+    // Where each wall begins, the angle that it faces, and its length to the right as one looks at it.
+    let walls = [
+        (v(0.0, 0.0, 0.0), 0.0, wide),
+        (v(wide, 0.0, deep), 180.0, wide),
+        (v(0.0, 0.0, deep), 90.0, deep),
+        (v(wide, 0.0, 0.0), 270.0, deep),
+    ];
+    for (corner, degrees, length) in walls {
+        let along = DAffine3::from_rotation_y(f64::to_radians(degrees)).transform_vector3(DVec3::X);
+        let inward = DVec3::Y.cross(along) * -1.0;
+        let mut covered = 0.0;
+        for _ in 0..TRIES {
+            if covered > share * length {
+                break;
+            }
+            let [which, at, turn, _] = places.draw();
+            let kind = (which * 6.0) as u32;
+            // Half its width along the wall and half its depth.
+            let [half, depth] =
+                [[0.9, 0.2], [0.7, 0.32], [0.55, 0.23], [1.15, 0.48], [0.85, 1.02], [0.8, 0.37]][kind as usize];
+            let middle = corner + (half + at * (length - 2.0 * half).max(0.0)) * along + (depth + 0.03) * inward;
+            let extent = if along.x.abs() > 0.5 { [half, depth] } else { [depth, half] };
+            if 2.0 * half > length || !places.is_free([middle.x, middle.z], extent, 0.08) {
+                continue;
+            }
+            places.taken.push(([middle.x, middle.z], extent));
+            covered += 2.0 * half;
+            let number = (turn * 1000.0) as u32;
+            add.at(middle, degrees, |add| before_a_wall(add, kind, number));
+            if matches!(kind, 2 | 3 | 5) {
+                let above = corner + (middle - corner).dot(along) * along + v(0.0, 1.62, 0.0);
+                let clear = (above - v(0.5 * wide, 0.0, 0.0)).length() > 2.4;
+                if clear {
+                    add.at(above, degrees, |add| picture(add, [0.34, 0.3], 0.04, number % 9, OAK));
+                }
+            }
+        }
+    }
+}
+
+/// A thing whose back is to a wall.
+fn before_a_wall(add: &mut Furnisher, kind: u32, number: u32) {
+    match kind {
+        0 => shelf(add, |add, free| match free % 3 {
+            0 => vase(add, 0.22, CLAY),
+            1 => stack_of_books(add, [0.2, 0.15], &[0.035, 0.028, 0.024], number),
+            _ => bowl(add, 0.1, BLUE_GLAZE),
+        }),
+        1 => wardrobe(add, [SAGE, WHITE, OAK][number as usize % 3]),
+        2 => {
+            chest(add, v(1.1, 0.84, 0.42), 3, [WHITE, WALNUT, OAK][number as usize % 3]);
+            add.at(v(-0.3, 0.842, 0.0), 0.0, |add| {
+                vase(add, 0.26, CREAM_GLAZE);
+                add.at(v(0.0, 0.17, 0.0), 40.0, |add| twigs(add, 0.38, 4));
+            });
+            add.at(v(0.2, 0.842, 0.03), 60.0, |add| stack_of_books(add, [0.22, 0.16], &[0.03, 0.036, 0.022], number));
+        }
+        3 => sofa(add),
+        4 => bed(add),
+        _ => {
+            table(add, v(1.6, 0.75, 0.7), WALNUT);
+            add.at(v(0.02, 0.75, -0.12), 0.0, monitor);
+            add.at(v(0.02, 0.75, 0.16), 0.0, keyboard);
+            add.at(v(-0.6, 0.75, -0.1), 10.0, desk_lamp);
+            add.at(v(0.56, 0.752, 0.0), 84.0, |add| stack_of_books(add, [0.24, 0.18], &[0.036, 0.028, 0.03], number));
+        }
+    }
+}
+
+/// A thing that can be walked around, where there is a place for it.
+fn standing_free(add: &mut Furnisher, places: &mut Places, number: u32) {
+    let [which, turn, books, _] = places.draw();
+    // The first is a table with chairs; every third afterwards hides what is behind it.
+    let kind = if number == 0 {
+        0
+    } else if number.is_multiple_of(3) {
+        1
+    } else {
+        2 + (which * 6.0) as u32
+    };
+    let half: [f64; 2] =
+        [[1.0, 0.85], [0.9, 0.2], [0.3, 0.3], [0.45, 0.45], [0.22, 0.22], [0.28, 0.28], [0.6, 0.45], [0.25, 0.25]]
+            [kind as usize];
+    let quarter = (turn * 4.0) as u32 % 2;
+    let half = if quarter == 1 { [half[1], half[0]] } else { half };
+    for _ in 0..TRIES {
+        let [x, z, ..] = places.draw();
+        let middle = [x * places.size[0], z * places.size[1]];
+        if !places.is_free(middle, half, places.apart) {
+            continue;
+        }
+        places.taken.push((middle, half));
+        let books = (1000.0 * books) as u32;
+        add.at(v(middle[0], 0.0, middle[1]), 90.0 * f64::from(quarter), |add| free(add, kind, books, 360.0 * turn));
+        return;
+    }
+}
+
+/// A thing that is seen from all around; round ones are turned by any angle.
+fn free(add: &mut Furnisher, kind: u32, books: u32, degrees: f64) {
+    match kind {
+        0 => laid_table(add, books),
+        1 => shelf(add, |add, free| match free % 2 {
+            0 => vase(add, 0.24, CREAM_GLAZE),
+            _ => stack_of_books(add, [0.2, 0.15], &[0.03, 0.028], books),
+        }),
+        2 => add.at(DVec3::ZERO, degrees, pouffe),
+        3 => add.at(DVec3::ZERO, degrees, plant),
+        4 => standing_lamp(add, 1.5, 0.19, GRAPHITE),
+        5 => add.at(DVec3::ZERO, degrees, chair),
+        6 => {
+            chest(add, v(1.1, 0.6, 0.8), 2, DARK_WOOD);
+            add.at(v(0.1, 0.602, 0.0), degrees, |add| bowl(add, 0.14, CLAY));
+            add.at(v(-0.3, 0.602, 0.1), degrees, |add| vase(add, 0.3, BLUE_GLAZE));
+        }
+        _ => stack_of_books(add, [0.3, 0.24], &[0.06, 0.05, 0.05, 0.04, 0.04, 0.03], books),
+    }
+}
+
+/// A table with two chairs on a rug.
+fn laid_table(add: &mut Furnisher, books: u32) {
+    rug(add, [1.0, 0.85], books.is_multiple_of(2));
+    add.at(v(0.0, 0.02, 0.0), 0.0, |add| {
+        table(add, v(1.3, 0.73, 0.88), OAK);
+        add.at(v(-0.3, 0.0, 0.56), 176.0, chair);
+        add.at(v(0.34, 0.0, -0.58), -6.0, chair);
+        add.at(v(0.0, 0.73, 0.0), 0.0, |add| {
+            add.block(v(-0.52, APART, -0.15), v(0.52, 0.009, 0.15), OATMEAL);
+            add.at(v(0.05, 0.01, 0.0), 0.0, fruit);
+            add.at(v(-0.3, APART, 0.3), 0.0, |add| plate(add, CREAM_GLAZE));
+            add.at(v(0.34, APART, -0.29), 200.0, |add| cup(add, BLUE_GLAZE));
+        });
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Clutter; 3] = [Clutter::Bare, Clutter::Furnished, Clutter::Crowded];
+
+    /// If this failed, things would stick out of the walls, and the room be larger than where cameras can stand.
+    #[test]
+    fn everything_is_inside_the_walls() {
+        for clutter in ALL {
+            let [wide, deep] = clutter.size();
+            let model = furnished_room(clutter);
+            for vertex in &model.vertices {
+                let p = vertex.position;
+                let inside = p.cmpge(DVec3::splat(-1e-9)).all() && p.cmple(v(wide, HEIGHT, deep) + 1e-9).all();
+                assert!(inside, "{clutter:?}: {p} is outside");
+            }
+        }
+    }
+
+    /// If this failed, scenes that are compared as bare, furnished and crowded would be alike, dark, or others each time.
+    #[test]
+    fn a_crowded_room_holds_more_than_a_furnished_one() {
+        let models = ALL.map(furnished_room);
+        // Parts of the level sections at the heights of a seat and of one's head that something stands in, in cells of a tenth of a metre.
+        let filled = |clutter: Clutter, model: &Model| {
+            let [wide, deep] = clutter.size();
+            let mut cells = std::collections::BTreeSet::new();
+            for vertex in &model.vertices {
+                let p = vertex.position;
+                let away = [p.x, wide - p.x, p.z, deep - p.z].into_iter().fold(f64::INFINITY, f64::min);
+                if away > 0.1 && (0.1..2.0).contains(&p.y) {
+                    cells.insert(((10.0 * p.x) as i32, (10.0 * p.z) as i32));
+                }
+            }
+            cells.len() as f64 / (100.0 * wide * deep)
+        };
+        let shares: Vec<f64> = ALL.into_iter().zip(&models).map(|(clutter, model)| filled(clutter, model)).collect();
+        assert!(shares[0] < 0.15 && shares[1] > 1.5 * shares[0] && shares[2] > 1.3 * shares[1], "{shares:?}");
+        for (clutter, model) in ALL.into_iter().zip(models) {
+            let shining = model.faces.iter().filter(|face| model.materials[face.material as usize].shines()).count();
+            assert!((4..=400).contains(&shining) && model.faces.len() < 120_000, "{clutter:?}: {shining} faces shine");
+            assert_eq!(model, furnished_room(clutter));
+        }
+    }
+}
