@@ -2,6 +2,7 @@
 //! splats, and the fits of what the planner predicts. The product uses none of it; the program offers both.
 
 pub mod baselines;
+pub mod benchmark;
 pub mod evaluate;
 pub mod path_tracer;
 pub mod quality_fit;

@@ -74,6 +74,42 @@ fn two_rooms_are_a_scene_by_themselves() {
     assert!(place.read("o/table.md").contains("two rooms with a door"));
 }
 
+/// If this failed, the benchmark would compare methods by other scenes than it names, or a method would have to be put on the board by hand.
+#[test]
+fn the_benchmark_writes_a_board() {
+    let place = lit_cube();
+    let done = place.done("benchmark --scenes bare-room --quick --methods random --budgets 4 --out o").out;
+    assert!(done.contains("bare-room (validation): camsplat evaluate --situation=bare-room"), "{done}");
+    assert!(done.contains("| random | 1 |  |"), "{done}");
+    let csv = place.read("o/board.csv");
+    let line = csv.lines().nth(1).unwrap_or_default();
+    assert!(line.starts_with("validation,room,bare-room,4,random,1,") && csv.lines().count() == 2, "{csv}");
+    assert!(place.read("o/board.html").contains("Rooms of the validation split, 4 views"));
+    let mut results: serde_json::Value = serde_json::from_str(&place.read("o/bare-room/results.json")).unwrap();
+    let before = place.files("o");
+    assert_refused(
+        &place,
+        &[
+            ("benchmark --scenes nowhere --out o", &["--scenes", "\"nowhere\"", "crowded-room"]),
+            ("benchmark --scenes ToyCar --out o", &["ToyCar", "folder of data"]),
+            ("benchmark nodata --scenes ToyCar --out o", &["ToyCar.glb", "No such file"]),
+            ("benchmark --scenes bare-room --methods nonsense --out o", &["nonsense", "--methods"]),
+        ],
+    );
+    assert_eq!(place.files("o"), before, "a request that was refused left something");
+    // Results of other settings are no neighbours on the board.
+    results["request"]["settings"]["iterations"] = 7.into();
+    std::fs::create_dir(place.path("o/crowded-room")).unwrap();
+    place.write("o/crowded-room/results.json", results.to_string());
+    assert_refused(
+        &place,
+        &[(
+            "benchmark --scenes bare-room --quick --methods random --budgets 4 --out o",
+            &["results.json", "its settings are not those of bare-room"],
+        )],
+    );
+}
+
 /// If this failed, the second pass would not go by the photographs of the first, or not have as many views as requested.
 #[test]
 fn the_second_pass_stands_beside_the_first() {

@@ -11,6 +11,7 @@ macro_rules! complain {
 }
 
 mod baselines;
+mod benchmark;
 mod capture;
 mod completions;
 mod convert;
@@ -104,6 +105,8 @@ enum Command {
     Export(export::Arguments),
     /// Compare methods of view selection by the splats trained on their photos
     Evaluate(Box<evaluate::Arguments>),
+    /// Compare methods on the benchmark's scenes, and write where each stands
+    Benchmark(Box<benchmark::Arguments>),
     /// Show a plan, capture, trained model or folder of runs in the browser
     View(view::Arguments),
     /// Watch a folder while photos arrive in it, and show what they still lack and where to stand next
@@ -234,6 +237,7 @@ fn start(command: Command) -> Result<Ended> {
         Command::Capture(arguments) => capture::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Benchmark(arguments) => benchmark::run(&arguments),
         Command::View(arguments) => view::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Devices => devices::run(),

@@ -6,6 +6,8 @@
 //! Text and the table are made here; plots and the 3D view are drawn in the browser, from numbers embedded as JSON and
 //! geometry embedded as base64.
 
+#[cfg(feature = "cli")]
+pub(crate) mod board;
 mod choice;
 mod data;
 mod decimate;

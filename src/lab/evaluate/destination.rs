@@ -18,7 +18,7 @@ pub const ASKED: &str = "evaluation.json";
 /// What that file has where only what methods choose on was made: any evaluation may go on from there.
 pub(super) const PREPARED: &str = "{\"prepared\": true}\n";
 /// The file of all runs and means.
-pub(super) const RESULTS: &str = "results.json";
+pub(crate) const RESULTS: &str = "results.json";
 /// Files beside the folders of subjects.
 const WRITTEN: [&str; 6] = [ASKED, "table.md", "table.csv", "table.tex", RESULTS, "report.html"];
 /// What of a request says which runs there are; all else says how they are made.

@@ -1,0 +1,147 @@
+//! `camsplat benchmark`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser};
+
+use super::evaluate;
+use super::session::Ended;
+use crate::app::report;
+use crate::files::io::folder::write_files;
+use crate::lab::benchmark::board::{self, Table};
+use crate::lab::benchmark::{BenchmarkScene, Split, scenes};
+use crate::{Error, Result};
+
+/// Arguments of `camsplat benchmark`.
+#[derive(Args, Debug)]
+pub struct Arguments {
+    /// Folder of the scenes' files, `objects`, `rooms` and `hdri`; built-in scenes need none
+    data: Option<PathBuf>,
+    /// Folder for a folder of results for each scene, and for the board. A benchmark that was stopped continues there
+    #[arg(long)]
+    out: PathBuf,
+    /// Scenes of this split [default: all; with --scenes, these]
+    #[arg(long, value_enum, conflicts_with = "scenes")]
+    split: Option<Split>,
+    /// Some of the scenes, by name
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    scenes: Vec<String>,
+    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE for one of your own
+    #[arg(long, default_value = "random,fvs,acp,ours", value_name = "NAMES")]
+    methods: String,
+    /// Numbers of views
+    #[arg(long, default_value = "20,50,100,200,300", value_name = "NUMBERS")]
+    budgets: String,
+    /// Runs of each method
+    #[arg(long, default_value_t = 1)]
+    seeds: u32,
+    /// Small images and short training, to try it: results say nothing of methods
+    #[arg(long)]
+    quick: bool,
+    /// Device to use, as of `camsplat evaluate`
+    #[arg(long, value_name = "NAME")]
+    device: Option<String>,
+    /// Make part I of N of each scene's runs; the board is written by the same command without this option
+    #[arg(long, value_name = "I/N")]
+    shard: Option<String>,
+}
+
+/// Settings of all scenes, of objects and of rooms: photos are clean, and splats and iterations enough for what methods differ by.
+const SETTINGS: &str =
+    "--surface true --light baked --size 512 --spp 64 --test-spp 256 --input-spp 64 --inputs 10 --iterations 10000";
+const OBJECTS: &str = "--tests 40 --max-splats 300000";
+const ROOMS: &str = "--tests 80 --max-splats 500000";
+/// With `--quick`.
+const QUICK: &str = "--quick --surface true --light traced";
+
+/// `camsplat evaluate` and its arguments.
+#[derive(Parser)]
+#[command(name = "camsplat evaluate")]
+struct Evaluate {
+    #[command(flatten)]
+    arguments: evaluate::Arguments,
+}
+
+impl Arguments {
+    /// The scenes that are run.
+    fn chosen(&self, all: &[BenchmarkScene]) -> Result<Vec<BenchmarkScene>> {
+        let unknown = self.scenes.iter().find(|name| all.iter().all(|scene| scene.name != **name));
+        if let Some(name) = unknown {
+            let names: Vec<&str> = all.iter().map(|scene| scene.name.as_str()).collect();
+            return Err(Error::request(format!("--scenes: there is no {name:?}; there are {}", names.join(", "))));
+        }
+        let named = |scene: &&BenchmarkScene| self.scenes.is_empty() || self.scenes.contains(&scene.name);
+        let of_split = |scene: &&BenchmarkScene| self.split.is_none_or(|split| scene.split == split);
+        Ok(all.iter().filter(named).filter(of_split).cloned().collect())
+    }
+
+    /// What `camsplat evaluate` is called with for a scene.
+    fn words(&self, scene: &BenchmarkScene) -> Result<Vec<String>> {
+        let file = |name: &String| match &self.data {
+            Some(folder) => Ok(folder.join(name).to_string_lossy().into_owned()),
+            None => {
+                let what =
+                    format!("{} is in {name} of the folder of data; name that, or leave the scene out", scene.name);
+                Err(Error::request(what))
+            }
+        };
+        let mut words: Vec<String> = Vec::new();
+        if let Some(name) = &scene.file {
+            words.push(file(name)?);
+        }
+        let mut option = |name: &str, value: Option<String>| {
+            words.extend(value.map(|value| format!("--{name}={value}")));
+        };
+        option("situation", scene.situation.clone());
+        option("env", scene.env.as_ref().map(file).transpose()?);
+        let numbers = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        option("box", scene.corners.map(|corners| numbers(&corners)));
+        option("viewers", scene.heights.map(|heights| format!("heights:{}", numbers(&heights))));
+        option("methods", Some(self.methods.clone()));
+        option("budgets", Some(self.budgets.clone()));
+        option("seeds", Some(self.seeds.to_string()));
+        option("out", Some(self.out.join(&scene.name).to_string_lossy().into_owned()));
+        option("device", self.device.clone());
+        option("shard", self.shard.clone());
+        let own = if scene.is_room() { ROOMS } else { OBJECTS };
+        let settings = if self.quick { QUICK.to_owned() } else { format!("{SETTINGS} {own}") };
+        words.extend(settings.split(' ').map(str::to_owned));
+        Ok(words)
+    }
+}
+
+/// Evaluates scene after scene, and writes the board.
+pub fn run(arguments: &Arguments) -> Result<Ended> {
+    let all = scenes()?;
+    let chosen = arguments.chosen(&all)?;
+    let mut evaluations = Vec::new();
+    // All are understood before the first takes hours.
+    for scene in &chosen {
+        let words = arguments.words(scene)?;
+        let of_program = std::iter::once("camsplat evaluate".to_owned()).chain(words.iter().cloned());
+        let parsed = Evaluate::try_parse_from(of_program).map_err(|e| {
+            Error::request(e.to_string().lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
+        })?;
+        if let Some(file) = scene.file.as_ref().and_then(|file| Some(arguments.data.as_ref()?.join(file))) {
+            std::fs::metadata(&file).map_err(|source| Error::io(&file, source))?;
+        }
+        evaluations.push((scene, words, parsed.arguments));
+    }
+    for (scene, words, evaluation) in &evaluations {
+        say!("scene    {} ({}): camsplat evaluate {}", scene.name, scene.split, words.join(" "));
+        if evaluate::run(evaluation)? == Ended::Stopped {
+            return Ok(Ended::Stopped);
+        }
+    }
+    if arguments.shard.is_some() {
+        return Ok(Ended::Done);
+    }
+    let reached = board::read(&arguments.out, &all)?;
+    let tables: Vec<Table> = board::tables(&reached);
+    let [csv, page] = ["board.csv", "board.html"].map(|name| arguments.out.join(name));
+    let (text, html) = (board::csv(&reached), report::board::html(&tables));
+    write_files(&[(&csv, text.as_bytes()), (&page, html.as_bytes())])?;
+    say!("{}", board::markdown(&tables).trim_end());
+    say!("written  {}, {}", page.display(), csv.display());
+    Ok(Ended::Done)
+}
