@@ -1,4 +1,4 @@
-//! What laws of expected error are made of, for cameras of any kind: at each pixel of test views, the angles of the nearest and of the third
+//! What laws of expected error are made of, for cameras of any kind: at 16 x 16 pixels of each test view, the angles of the nearest and of the third
 //! nearest camera that sees the point, and how much farther away the nearest is.
 //!
 //! ```text

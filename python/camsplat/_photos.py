@@ -186,7 +186,8 @@ def evaluate(
     """Compares methods of view selection by the splats trained on their photos.
 
     Args:
-        scenes: objects or rooms with materials and lights, .glb or .gltf; none with `pool` or `situation="two-rooms"`.
+        scenes: objects or rooms with materials and lights, .glb or .gltf; none with `pool` or the situation of a
+            built-in room.
         out: folder for tables and all results. An evaluation that was stopped continues there.
         progress: as `plan` takes it.
         options: those of `camsplat evaluate`.

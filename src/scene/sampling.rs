@@ -28,10 +28,10 @@ impl Proxy {
 
     /// As [`Self::sample`], but of a cloud each point is as likely as any other: where structure from motion found many, it finds many again.
     pub fn sample_features(&self, count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
-        match &self.occluder {
-            Occluder::Triangles(triangles) => self.sample_triangles(triangles, count, seed, stream),
-            Occluder::Discs(discs) => self.sample_discs(discs, |_| 1.0, count, seed, stream),
-        }
+        let Occluder::Discs(discs) = &self.occluder else { return self.sample(count, seed, stream) };
+        let mut points = self.sample_discs(discs, |_| 1.0, count, seed, stream);
+        random::shuffle(&mut points, seed, stream);
+        points
     }
 
     fn sample_triangles(&self, triangles: &[[DVec3; 3]], count: usize, seed: u64, stream: u32) -> Vec<SurfacePoint> {
@@ -228,7 +228,7 @@ mod tests {
         }
     }
 
-    /// A half of the cloud that is scanned ten times as densely must not get ten times as many points.
+    /// A half of the cloud that is scanned ten times as densely must not get ten times as many points, but for features, of which it has them.
     #[test]
     fn uneven_clouds_are_sampled_evenly() {
         let positions: Vec<DVec3> = (0..11_000)
@@ -241,6 +241,8 @@ mod tests {
         let proxy = Proxy::new(&Surface::Points(points), Orientation::Outward(DVec3::NEG_Z)).unwrap();
         let sparse = proxy.sample(600, 0, 0).iter().filter(|p| p.position.x < 1.0).count();
         assert!((220..=380).contains(&sparse), "{sparse} of 600 on the sparse half");
+        let features = proxy.sample_features(600, 0, 0).iter().filter(|p| p.position.x < 1.0).count();
+        assert!((35..=75).contains(&features), "{features} features of 600 on the half with an eleventh of the points");
     }
 
     /// An inclusion probability off by its cap would give too many or too few points.

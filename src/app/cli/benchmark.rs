@@ -26,18 +26,21 @@ pub struct Arguments {
     /// Some of the scenes, by name
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     scenes: Vec<String>,
-    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE for one of your own
-    #[arg(long, default_value = "random,fvs,acp,ours", value_name = "NAMES")]
-    methods: String,
-    /// Numbers of views
-    #[arg(long, default_value = "20,50,100,200,300", value_name = "NUMBERS")]
-    budgets: String,
+    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE for one of your own [default: random, fvs, acp, ours; quick: random, fvs, ours]
+    #[arg(long, value_name = "NAMES")]
+    methods: Option<String>,
+    /// Numbers of views [default: 20,50,100,200,300; quick: 20; rooms 30]
+    #[arg(long, value_name = "NUMBERS")]
+    budgets: Option<String>,
     /// Runs of each method
     #[arg(long, default_value_t = 1)]
     seeds: u32,
     /// Small images and short training, to try it: results say nothing of methods
     #[arg(long)]
     quick: bool,
+    /// Make what methods choose on and nothing else, for methods of other programs: files in OUT/SCENE/SCENE/task
+    #[arg(long, conflicts_with = "shard")]
+    prepare: bool,
     /// Device to use, as of `camsplat evaluate`
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
@@ -51,6 +54,9 @@ const SETTINGS: &str =
     "--surface true --light baked --size 512 --spp 64 --test-spp 256 --input-spp 64 --inputs 10 --iterations 10000";
 const OBJECTS: &str = "--tests 40 --max-splats 300000";
 const ROOMS: &str = "--tests 80 --max-splats 500000";
+/// What is compared without `--quick`, where nothing else is named.
+const METHODS: &str = "random,fvs,acp,ours";
+const BUDGETS: &str = "20,50,100,200,300";
 /// With `--quick`.
 const QUICK: &str = "--quick --surface true --light traced";
 
@@ -97,8 +103,9 @@ impl Arguments {
         let numbers = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         option("box", scene.corners.map(|corners| numbers(&corners)));
         option("viewers", scene.heights.map(|heights| format!("heights:{}", numbers(&heights))));
-        option("methods", Some(self.methods.clone()));
-        option("budgets", Some(self.budgets.clone()));
+        let usual = |text: &str| (!self.quick).then(|| text.to_owned());
+        option("methods", self.methods.clone().or_else(|| usual(METHODS)));
+        option("budgets", self.budgets.clone().or_else(|| usual(BUDGETS)));
         option("seeds", Some(self.seeds.to_string()));
         option("out", Some(self.out.join(&scene.name).to_string_lossy().into_owned()));
         option("device", self.device.clone());
@@ -106,37 +113,56 @@ impl Arguments {
         let own = if scene.is_room() { ROOMS } else { OBJECTS };
         let settings = if self.quick { QUICK.to_owned() } else { format!("{SETTINGS} {own}") };
         words.extend(settings.split(' ').map(str::to_owned));
+        words.extend(self.prepare.then(|| "--prepare".to_owned()));
         Ok(words)
     }
+}
+
+/// Words as a shell takes them.
+fn quoted(words: &[String]) -> String {
+    let plain = |word: &str| word.chars().all(|c| c.is_alphanumeric() || "-_=./:,+".contains(c));
+    let quoted = |word: &String| if plain(word) { word.clone() } else { format!("'{}'", word.replace('\'', "'\\''")) };
+    words.iter().map(quoted).collect::<Vec<_>>().join(" ")
 }
 
 /// Evaluates scene after scene, and writes the board.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     let all = scenes()?;
     let chosen = arguments.chosen(&all)?;
+    let methods = arguments.methods.as_deref().unwrap_or_default().split(',');
+    if let Some(same) =
+        methods.filter(|_| chosen.len() > 1).find(|name| name.contains("cameras:") && !name.contains("{scene}"))
+    {
+        let what = format!(
+            "--methods {same}: these cameras stand in one scene; put {{scene}} into the file's name, or name one scene"
+        );
+        return Err(Error::request(what));
+    }
     let mut evaluations = Vec::new();
     // All are understood before the first takes hours.
     for scene in &chosen {
         let words = arguments.words(scene)?;
         let of_program = std::iter::once("camsplat evaluate".to_owned()).chain(words.iter().cloned());
         let parsed = Evaluate::try_parse_from(of_program).map_err(|e| {
-            Error::request(e.to_string().lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
+            let text = e.to_string();
+            Error::request(text.lines().next().unwrap_or_default().trim_start_matches("error: "))
         })?;
-        if let Some(file) = scene.file.as_ref().and_then(|file| Some(arguments.data.as_ref()?.join(file))) {
-            std::fs::metadata(&file).map_err(|source| Error::io(&file, source))?;
-        }
+        parsed.arguments.checked()?;
         evaluations.push((scene, words, parsed.arguments));
     }
     for (scene, words, evaluation) in &evaluations {
-        say!("scene    {} ({}): camsplat evaluate {}", scene.name, scene.split, words.join(" "));
+        say!("scene    {} ({}): camsplat evaluate {}", scene.name, scene.split, quoted(words));
         if evaluate::run(evaluation)? == Ended::Stopped {
             return Ok(Ended::Stopped);
         }
     }
-    if arguments.shard.is_some() {
+    if arguments.shard.is_some() || arguments.prepare {
         return Ok(Ended::Done);
     }
-    let reached = board::read(&arguments.out, &all)?;
+    // Those of this call first, which others are held against.
+    let others = all.iter().filter(|scene| !chosen.contains(scene));
+    let (reached, notes) = board::read(&arguments.out, chosen.iter().chain(others))?;
+    notes.iter().for_each(|note| say!("note     {note}"));
     let tables: Vec<Table> = board::tables(&reached);
     let [csv, page] = ["board.csv", "board.html"].map(|name| arguments.out.join(name));
     let (text, html) = (board::csv(&reached), report::board::html(&tables));

@@ -316,18 +316,32 @@ impl Arguments {
     }
 }
 
+impl Arguments {
+    /// The request, as far as it can be checked before a scene is read.
+    ///
+    /// # Errors
+    /// In a line that names the option.
+    pub fn checked(&self) -> Result<EvaluationRequest> {
+        self.check_scenes()?;
+        let mut request = self.request()?;
+        request.validate()?;
+        // Before any is read: a box that is of another room would be called wrong first.
+        request.check_subjects((self.scenes.len() + self.pool.len()).max(1))?;
+        // Who asks for what methods choose on has no layouts yet.
+        if !self.prepare {
+            request.read_layouts(&self.names())?;
+            request.validate()?;
+        }
+        for file in self.scenes.iter().chain(&self.env) {
+            std::fs::metadata(file).map_err(|source| Error::io(file, source))?;
+        }
+        Ok(request)
+    }
+}
+
 /// Evaluates, writes and prints the tables.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
-    arguments.check_scenes()?;
-    let mut request = arguments.request()?;
-    request.validate()?;
-    // Before any is read: a box that is of another room would be called wrong first.
-    request.check_subjects((arguments.scenes.len() + arguments.pool.len()).max(1))?;
-    // Who asks for what methods choose on has no layouts yet.
-    if !arguments.prepare {
-        request.read_layouts(&arguments.names())?;
-        request.validate()?;
-    }
+    let request = arguments.checked()?;
     if arguments.devices.iter().any(|name| name.trim().is_empty()) {
         return Err(Error::request(
             "--devices: an empty name names no device; give numbers or names, as `camsplat devices` has them",

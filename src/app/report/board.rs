@@ -37,10 +37,11 @@ mod tests {
     fn names_are_text() {
         let [scene, method] = ["a", "<b>&x"].map(str::to_owned);
         let measured = [Some(20.0), None, None];
-        let one = Reached { split: Split::Test, room: true, scene, method, views: 50, seeds: 1, measured };
+        let one = Reached { split: Split::Test, room: true, scene, method, views: 50, seeds: 1, diverged: 1, measured };
         let page = html(&tables(&[one]));
         assert!(
-            page.contains("<td>&lt;b&gt;&amp;x</td>") && page.contains("<h2>Rooms of the test split, 50 views</h2>")
+            page.contains("<td>&lt;b&gt;&amp;x (1 diverged)</td>")
+                && page.contains("<h2>Rooms of the test split, 50 views</h2>")
         );
     }
 }

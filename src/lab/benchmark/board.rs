@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -34,6 +35,8 @@ struct Row {
     method: String,
     views: u32,
     seeds: usize,
+    #[serde(default)]
+    diverged: usize,
     measured: Vec<Vec<Option<Mean>>>,
 }
 
@@ -57,6 +60,8 @@ pub struct Reached {
     pub views: u32,
     /// Seeds that it is the mean of.
     pub seeds: usize,
+    /// Of these the ones whose training diverged.
+    pub diverged: usize,
     /// PSNR in dB, SSIM, LPIPS (AlexNet): the mean over all sets of tests; none where it was not measured.
     pub measured: [Option<f64>; 3],
 }
@@ -68,13 +73,15 @@ pub struct Place {
     pub method: String,
     /// Scenes that it and the reference have.
     pub scenes: usize,
+    /// Trainings on these that diverged.
+    pub diverged: usize,
     /// Means over these scenes, as [`Reached::measured`].
     pub means: [Option<f64>; 3],
     /// PSNR less the reference's on the same scene: mean and 95% interval over scenes; none of the reference.
     pub less: Option<Interval>,
 }
 
-/// The places at a number of views on scenes of one kind and split, the best first.
+/// The places at a number of views on scenes of one kind and split: the best first, and behind them methods that lack some of the scenes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// What the scenes may be used for, whether they are rooms, and the number of views.
@@ -85,31 +92,41 @@ pub struct Table {
     pub places: Vec<Place>,
 }
 
-/// Reads the evaluations of `scenes` that there are in folders of their names in `folder`.
+/// Reads the evaluations of `scenes` that there are in folders of their names in `folder`; notes say which are left off, since runs are
+/// missing, or since their settings are not those of the first of their kind.
 ///
 /// # Errors
-/// Where one cannot be read, is not complete, or has other settings than others of its kind.
-pub fn read(folder: &Path, scenes: &[BenchmarkScene]) -> Result<Vec<Reached>> {
-    let mut all = Vec::new();
+/// Where one cannot be read.
+pub fn read<'s>(
+    folder: &Path,
+    scenes: impl Iterator<Item = &'s BenchmarkScene>,
+) -> Result<(Vec<Reached>, Vec<String>)> {
+    let (mut all, mut notes) = (Vec::new(), Vec::new());
     let mut settings: [Option<(String, serde_json::Map<String, Value>)>; 2] = [None, None];
     for scene in scenes {
         let file = folder.join(&scene.name).join(RESULTS);
-        let Ok(text) = fs::read(&file) else { continue };
+        let text = match fs::read(&file) {
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            text => text.map_err(|source| Error::io(&file, source))?,
+        };
         let Results { mut request, rows, left } = serde_json::from_slice(&text)
             .map_err(|e| Error::input(&file, format!("no results of an evaluation: {e}")))?;
-        if left > 0 {
-            let what = format!("{left} runs are not complete; run the benchmark of this scene to its end");
-            return Err(Error::input(&file, what));
-        }
         request.settings.remove(OWN);
         let known = &mut settings[usize::from(scene.is_room())];
-        match known {
+        let off = match known {
+            _ if left > 0 => Some(format!("{left} of its runs are not complete")),
             Some((first, others)) if *others != request.settings => {
-                let what = format!("its settings are not those of {first}; results that are compared need the same");
-                return Err(Error::input(&file, what));
+                Some(format!("its settings are not those of {first}"))
             }
-            Some(_) => {}
-            None => *known = Some((scene.name.clone(), request.settings)),
+            Some(_) => None,
+            None => {
+                *known = Some((scene.name.clone(), request.settings));
+                None
+            }
+        };
+        if let Some(off) = off {
+            notes.push(format!("{} is left off the board: {off}", scene.name));
+            continue;
         }
         all.extend(rows.into_iter().map(|row| Reached {
             split: scene.split,
@@ -118,11 +135,12 @@ pub fn read(folder: &Path, scenes: &[BenchmarkScene]) -> Result<Vec<Reached>> {
             method: row.method,
             views: row.views,
             seeds: row.seeds,
+            diverged: row.diverged,
             // The last column is the mean over the sets, or the only set.
             measured: std::array::from_fn(|k| row.measured.get(k)?.last().copied().flatten().map(|of| of.mean)),
         }));
     }
-    Ok(all)
+    Ok((all, notes))
 }
 
 /// The tables of what was reached, by split, kind and number of views.
@@ -156,13 +174,15 @@ fn table(all: &[Reached], of: (Split, bool, u32)) -> Option<Table> {
         Place {
             method: (*method).to_owned(),
             scenes: pairs.len(),
+            diverged: pairs.iter().map(|(one, _)| one.diverged).sum(),
             means: std::array::from_fn(|k| mean(pairs.iter().map(|(one, _)| one.measured[k]).collect())),
             less: less.filter(|less| method != reference && !less.is_empty()).map(|less| interval(&less)),
         }
     };
     let mut places: Vec<Place> = methods.iter().map(place).collect();
+    let most = places.iter().map(|place| place.scenes).max();
     let order = |place: &Place| place.less.map_or(0.0, |less| less.mean);
-    places.sort_by(|a, b| order(b).total_cmp(&order(a)));
+    places.sort_by(|a, b| (Some(a.scenes) < most).cmp(&(Some(b.scenes) < most)).then(order(b).total_cmp(&order(a))));
     Some(Table { of, reference: (*reference).to_owned(), places })
 }
 
@@ -189,7 +209,11 @@ impl Table {
             };
             let [psnr, ssim, lpips] = [(0, 2), (1, 3), (2, 3)]
                 .map(|(k, digits)| place.means[k].map_or_else(|| "–".to_owned(), |value| format!("{value:.digits$}")));
-            [place.method.clone(), place.scenes.to_string(), less, psnr, ssim, lpips]
+            let method = match place.diverged {
+                0 => place.method.clone(),
+                count => format!("{} ({count} diverged)", place.method),
+            };
+            [method, place.scenes.to_string(), less, psnr, ssim, lpips]
         })
     }
 }
@@ -208,15 +232,15 @@ pub fn markdown(tables: &[Table]) -> String {
 
 /// What was reached as CSV: a line for each scene, number of views and method.
 pub fn csv(all: &[Reached]) -> String {
-    let mut text = String::from("split,kind,scene,views,method,seeds,psnr,ssim,lpips\n");
+    let mut text = String::from("split,kind,scene,views,method,seeds,diverged,psnr,ssim,lpips\n");
     for one in all {
         let kind = if one.room { "room" } else { "object" };
         let [psnr, ssim, lpips] =
             one.measured.map(|value| value.map_or_else(String::new, |value| format!("{value:.4}")));
         let method = one.method.replace([',', '"', '\n'], ";");
-        let Reached { split, scene, views, seeds, .. } = one;
+        let Reached { split, scene, views, seeds, diverged, .. } = one;
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{split},{kind},{scene},{views},{method},{seeds},{psnr},{ssim},{lpips}");
+        let _ = writeln!(text, "{split},{kind},{scene},{views},{method},{seeds},{diverged},{psnr},{ssim},{lpips}");
     }
     text
 }
@@ -228,7 +252,7 @@ mod tests {
     fn reached(scene: &str, method: &str, psnr: f64) -> Reached {
         let (scene, method) = (scene.to_owned(), method.to_owned());
         let measured = [Some(psnr), Some(0.9), None];
-        Reached { split: Split::Test, room: false, scene, method, views: 50, seeds: 1, measured }
+        Reached { split: Split::Test, room: false, scene, method, views: 50, seeds: 1, diverged: 0, measured }
     }
 
     /// If this failed, a method would get its place by the scenes that it was run on, or by how unlike scenes are.
@@ -242,12 +266,13 @@ mod tests {
         all.push(reached("a", "mine", 22.5));
         let [table] = &tables(&all)[..] else { panic!("several tables") };
         let names: Vec<&str> = table.places.iter().map(|place| place.method.as_str()).collect();
-        assert_eq!((names, table.reference.as_str()), (vec!["mine", "ours", "random"], "ours"));
-        let random = &table.places[2];
+        // One scene more in favour of a method is no place before those that have all.
+        assert_eq!((names, table.reference.as_str()), (vec!["ours", "random", "mine"], "ours"));
+        let random = &table.places[1];
         let less = random.less.unwrap();
         assert_eq!((random.scenes, random.means[0]), (3, Some(30.0)));
         assert!((less.mean + 2.0).abs() < 1e-12 && (less.half.unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-9);
         assert!(markdown(&tables(&all)).contains("| random | 3 | -2.00 ± 2.48 | 30.00 | 0.900 | – |"));
-        assert!(csv(&[reached("a", "m,x", 1.0)]).contains(",m;x,1,1.0000,0.9000,\n"));
+        assert!(csv(&[reached("a", "m,x", 1.0)]).contains(",m;x,1,0,1.0000,0.9000,\n"));
     }
 }

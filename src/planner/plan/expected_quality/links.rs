@@ -78,9 +78,7 @@ impl Links {
     /// Neighbours at points of the surface of `proxy`, where cameras are to connect.
     pub fn of(own: &QualityConfig, proxy: &Proxy, geometry: &SceneGeometry, seed: u64) -> Option<Self> {
         let degrees = own.connect?;
-        let [(wide, least), (narrow, most)] = OF_KEPT;
-        let nearness = ((wide - f64::from(degrees)) / (wide - narrow)).clamp(0.0, 1.0);
-        let shared = if own.direct { least + nearness * (most - least) } else { SHARED };
+        let shared = if own.direct { of_kept(f64::from(degrees)) } else { SHARED };
         let points = proxy.sample_features(POINTS, seed, LINK_STREAM);
         let points = points.iter().map(|point| Probe::new(point, geometry)).collect();
         Some(Self { angle: degrees.to_radians(), direct: own.direct, shared, points })
@@ -113,10 +111,14 @@ impl Links {
     }
 
     /// Points that two cameras must share, the first of which is kept where only kept ones are neighbours: what the other sees may be
-    /// next to nothing that is known.
+    /// next to nothing that is known. Of a kept picture that is larger, as much as the other would show of it from there.
     fn least(&self, a: &Sight, b: &Sight) -> usize {
-        let of = if self.direct { a.seen.len() } else { a.seen.len().min(b.seen.len()) };
-        MIN_SHARED.max((self.shared * of as f64).ceil() as usize)
+        let of = if self.direct {
+            a.seen.len() as f64 * f64::from(b.half_cone.tan() / a.half_cone.tan()).powi(2).min(1.0)
+        } else {
+            a.seen.len().min(b.seen.len()) as f64
+        };
+        MIN_SHARED.max((self.shared * of).ceil() as usize)
     }
 
     /// Whether two cameras share enough at an angle that is not too wide.
@@ -139,9 +141,10 @@ impl Links {
             cost(parallax, glsl::WITHIN_ANGLE, self.angle) + off(a) + off(b) + SLIGHT * parallax
         };
         let of_a = a.seen.iter().filter(|point| b.off[**point as usize].is_finite());
+        // A kept camera will never show more than it does.
         let of_b = b.seen.iter().filter(|point| {
             let off = a.off[**point as usize];
-            off > a.half_cone && off.is_finite()
+            !self.direct && off > a.half_cone && off.is_finite()
         });
         scratch.clear();
         scratch.extend(of_a.chain(of_b).map(|point| (cost(point), *point)));
@@ -270,6 +273,12 @@ impl Links {
     }
 }
 
+/// The part of what a kept camera sees that one linked to it must see, by the widest angle between the two in degrees.
+fn of_kept(degrees: f64) -> f64 {
+    let [(wide, least), (narrow, most)] = OF_KEPT;
+    least + ((wide - degrees) / (wide - narrow)).clamp(0.0, 1.0) * (most - least)
+}
+
 /// Angle between unit vectors.
 fn between(a: Vec3, b: Vec3) -> f32 {
     a.dot(b).clamp(-1.0, 1.0).acos()
@@ -334,8 +343,20 @@ mod tests {
         // All of the little that one sees, and less than half of what the other does.
         assert!(!links(true, 0.3).join(&kept, &sight(70..90)) && links(false, 0.3).join(&kept, &sight(70..90)));
         assert!(links(true, 0.3).join(&kept, &sight(50..100)) && !links(true, 0.6).join(&kept, &sight(50..100)));
+        // What pulls the other is in the kept one's picture.
         let mut scratch = Vec::new();
         assert!(links(true, 0.3).cheapest(&kept, &sight(70..90), &mut scratch).is_some_and(|cost| cost > 0.1));
+        assert!(scratch.len() == 24 && scratch.iter().all(|(_, point)| *point < 80), "{scratch:?}");
+        // A lens twice as long shows a quarter of the picture from the same place.
+        let longer = Sight { half_cone: (0.5 * 0.4f32.tan()).atan(), ..sight(70..90) };
+        assert!(links(true, 0.3).join(&kept, &longer));
+        assert!(
+            [40.0, 20.0, 12.5, 5.0, 1.0]
+                .map(of_kept)
+                .into_iter()
+                .zip([0.3, 0.3, 0.45, 0.6, 0.6])
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
     }
 
     /// If this failed, cameras that are to connect would be pulled another way than toward each other, only slowly and unnoticed.
