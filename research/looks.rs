@@ -1,5 +1,5 @@
-//! What laws of expected error are made of, for cameras of any kind: at 16 x 16 pixels of each test view, the angles of the nearest and of the third
-//! nearest camera that sees the point, and how much farther away the nearest is.
+//! What laws of expected error are made of, for cameras of any kind: at 16 x 16 pixels of each test view, the angles of the nearest and of
+//! the third nearest camera that sees the point, and how much farther away the nearest is.
 //!
 //! ```text
 //! cargo run --release --example looks -- SURFACE X0,Y0,Z0,X1,Y1,Z1|object TESTS OUT CAMERAS...

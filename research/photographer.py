@@ -18,8 +18,8 @@ scene and its aim by 8 degrees (standard deviations); of places that are named, 
     more      the orbit's photos and the ten that `camsplat next` then names, which miss nothing: what these gain in truth
 
 Splats are trained on the photos and tested on 40 views at random in that region, which nothing else sees. Appends to OUT/psnr.csv: scene,
-way, photos, seed, PSNR, photos with a pose, length of the way from photo to photo; and to OUT/gains.csv, of advice and orbit: scene, way, photos, seed, what ten more photos are
-expected to gain, share of what viewers look at that no photo shows.
+way, photos, seed, PSNR, photos with a pose, length of the way from photo to photo; and to OUT/gains.csv, of advice and orbit: scene, way,
+photos, seed, what ten more photos are expected to gain, share of what viewers look at that no photo shows.
 
 Poses are known, unless `--sfm` is given: then photos are blurred, their exposure drifts, and COLMAP poses them, one after another as they
 are taken (src/app/watch/register.py); what has no pose is lost. It needs pycolmap and pillow. Needs numpy.

@@ -247,7 +247,7 @@ mod tests {
         (model.clone(), target(&model, &choice).within(limits).unwrap(), radius)
     }
 
-    /// If this failed, a situation would have one name on the command line and another in tables and records.
+    /// If this failed, a situation would have one name on the command line and another in tables and records, or a room want a file.
     #[cfg(feature = "cli")]
     #[test]
     fn a_situation_has_one_name_everywhere() {
@@ -255,6 +255,7 @@ mod tests {
             let parsed = <Situation as clap::ValueEnum>::from_str(situation.name(), false);
             assert_eq!(parsed, Ok(*situation));
             assert_eq!(serde_json::to_value(situation).unwrap(), situation.name());
+            assert_eq!(situation.is_room(), situation.rooms().is_some());
         }
     }
 

@@ -80,8 +80,9 @@ pub struct Advice {
 }
 
 impl Advice {
-    /// Of the photos `cameras`, beside which further ones have this lens, by the viewers, seed and held-out points of `config`, which has the number of further photos too
-    /// (`views`); beside `own`, the photos of the capture, where these are others. `go_on` is asked every now and then and may stop it.
+    /// Of the photos `cameras`, beside which further ones have this lens, by the viewers, seed and held-out points of `config`, which has the
+    /// number of further photos too (`views`); beside `own`, the photos of the capture, where these are others. `go_on` is asked every now
+    /// and then and may stop it.
     ///
     /// # Errors
     /// As a plan, and [`Error::Interrupted`] where it was stopped.

@@ -153,17 +153,15 @@ fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64) {
     ];
     for (corner, degrees, length) in walls {
         let along = DAffine3::from_rotation_y(f64::to_radians(degrees)).transform_vector3(DVec3::X);
-        let inward = DVec3::Y.cross(along) * -1.0;
+        let inward = along.cross(DVec3::Y);
         let mut covered = 0.0;
         for _ in 0..TRIES {
             if covered > share * length {
                 break;
             }
             let [which, at, turn, _] = places.draw();
-            let kind = (which * 6.0) as u32;
-            // Half its width along the wall and half its depth.
-            let [half, depth] =
-                [[0.9, 0.2], [0.7, 0.32], [0.55, 0.23], [1.15, 0.48], [0.85, 1.02], [0.8, 0.37]][kind as usize];
+            let thing = BEFORE_A_WALL[(which * BEFORE_A_WALL.len() as f64) as usize];
+            let [half, depth] = thing.half;
             let middle = corner + (half + at * (length - 2.0 * half).max(0.0)) * along + (depth + 0.03) * inward;
             let extent = if along.x.abs() > 0.5 { [half, depth] } else { [depth, half] };
             if 2.0 * half > length || !places.is_free([middle.x, middle.z], extent, 0.08) {
@@ -172,63 +170,98 @@ fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64) {
             places.taken.push(([middle.x, middle.z], extent));
             covered += 2.0 * half;
             let number = (turn * 1000.0) as u32;
-            add.at(middle, degrees, |add| before_a_wall(add, kind, number));
-            if matches!(kind, 2 | 3 | 5) {
-                let above = corner + (middle - corner).dot(along) * along + v(0.0, 1.62, 0.0);
-                let clear = (above - v(0.5 * wide, 0.0, 0.0)).length() > 2.4;
-                if clear {
-                    add.at(above, degrees, |add| picture(add, [0.34, 0.3], 0.04, number % 9, OAK));
-                }
+            add.at(middle, degrees, |add| (thing.make)(add, number, 0.0));
+            let above = corner + (middle - corner).dot(along) * along + v(0.0, 1.62, 0.0);
+            let beside_the_window = (above - v(0.5 * wide, 0.0, 0.0)).length() > 2.4;
+            if thing.low && beside_the_window {
+                add.at(above, degrees, |add| picture(add, [0.34, 0.3], 0.04, number % 9, OAK));
             }
         }
     }
 }
 
-/// A thing whose back is to a wall.
-fn before_a_wall(add: &mut Furnisher, kind: u32, number: u32) {
-    match kind {
-        0 => shelf(add, |add, free| match free % 3 {
-            0 => vase(add, 0.22, CLAY),
-            1 => stack_of_books(add, [0.2, 0.15], &[0.035, 0.028, 0.024], number),
-            _ => bowl(add, 0.1, BLUE_GLAZE),
-        }),
-        1 => wardrobe(add, [SAGE, WHITE, OAK][number as usize % 3]),
-        2 => {
-            chest(add, v(1.1, 0.84, 0.42), 3, [WHITE, WALNUT, OAK][number as usize % 3]);
-            add.at(v(-0.3, 0.842, 0.0), 0.0, |add| {
-                vase(add, 0.26, CREAM_GLAZE);
-                add.at(v(0.0, 0.17, 0.0), 40.0, |add| twigs(add, 0.38, 4));
-            });
-            add.at(v(0.2, 0.842, 0.03), 60.0, |add| stack_of_books(add, [0.22, 0.16], &[0.03, 0.036, 0.022], number));
-        }
-        3 => sofa(add),
-        4 => bed(add),
-        _ => {
-            table(add, v(1.6, 0.75, 0.7), WALNUT);
-            add.at(v(0.02, 0.75, -0.12), 0.0, monitor);
-            add.at(v(0.02, 0.75, 0.16), 0.0, keyboard);
-            add.at(v(-0.6, 0.75, -0.1), 10.0, desk_lamp);
-            add.at(v(0.56, 0.752, 0.0), 84.0, |add| stack_of_books(add, [0.24, 0.18], &[0.036, 0.028, 0.03], number));
-        }
-    }
+/// A thing that is placed by its extent.
+#[derive(Clone, Copy)]
+struct Thing {
+    /// Half its size across and deep.
+    half: [f64; 2],
+    /// Whether a picture may hang above it.
+    low: bool,
+    /// Makes it around the origin, its back at -Z, by a number for what it holds, and turned where it is round, in degrees.
+    make: fn(&mut Furnisher, u32, f64),
+}
+
+/// Short for things.
+const fn thing(half: [f64; 2], low: bool, make: fn(&mut Furnisher, u32, f64)) -> Thing {
+    Thing { half, low, make }
+}
+
+/// Things whose backs are to a wall.
+const BEFORE_A_WALL: [Thing; 6] = [
+    thing([0.9, 0.2], false, bookshelf),
+    thing([0.7, 0.32], false, |add, number, _| wardrobe(add, [SAGE, WHITE, OAK][number as usize % 3])),
+    thing([0.55, 0.23], true, drawers),
+    thing([1.15, 0.48], true, |add, _, _| sofa(add)),
+    thing([0.85, 1.02], false, |add, _, _| bed(add)),
+    thing([0.8, 0.37], true, desk),
+];
+
+/// Things that can be walked around: a table, what hides what is behind it, and what stands between them.
+const TABLE: Thing = thing([1.0, 0.85], false, |add, number, _| laid_table(add, number));
+const PARTITION: Thing = thing([0.9, 0.2], false, bookshelf);
+const BETWEEN: [Thing; 6] = [
+    thing([0.3, 0.3], true, |add, _, degrees| add.at(DVec3::ZERO, degrees, pouffe)),
+    thing([0.45, 0.45], false, |add, _, degrees| add.at(DVec3::ZERO, degrees, plant)),
+    thing([0.22, 0.22], false, |add, _, _| standing_lamp(add, 1.5, 0.19, GRAPHITE)),
+    thing([0.28, 0.28], true, |add, _, degrees| add.at(DVec3::ZERO, degrees, chair)),
+    thing([0.6, 0.45], true, low_chest),
+    thing([0.25, 0.25], true, |add, number, _| {
+        stack_of_books(add, [0.3, 0.24], &[0.06, 0.05, 0.05, 0.04, 0.04, 0.03], number);
+    }),
+];
+
+fn bookshelf(add: &mut Furnisher, number: u32, _: f64) {
+    shelf(add, |add, free| match free % 3 {
+        0 => vase(add, 0.22, CLAY),
+        1 => stack_of_books(add, [0.2, 0.15], &[0.035, 0.028, 0.024], number),
+        _ => bowl(add, 0.1, BLUE_GLAZE),
+    });
+}
+
+fn drawers(add: &mut Furnisher, number: u32, _: f64) {
+    chest(add, v(1.1, 0.84, 0.42), 3, [WHITE, WALNUT, OAK][number as usize % 3]);
+    add.at(v(-0.3, 0.842, 0.0), 0.0, |add| {
+        vase(add, 0.26, CREAM_GLAZE);
+        add.at(v(0.0, 0.17, 0.0), 40.0, |add| twigs(add, 0.38, 4));
+    });
+    add.at(v(0.2, 0.842, 0.03), 60.0, |add| stack_of_books(add, [0.22, 0.16], &[0.03, 0.036, 0.022], number));
+}
+
+fn desk(add: &mut Furnisher, number: u32, _: f64) {
+    table(add, v(1.6, 0.75, 0.7), WALNUT);
+    add.at(v(0.02, 0.75, -0.12), 0.0, monitor);
+    add.at(v(0.02, 0.75, 0.16), 0.0, keyboard);
+    add.at(v(-0.6, 0.75, -0.1), 10.0, desk_lamp);
+    add.at(v(0.56, 0.752, 0.0), 84.0, |add| stack_of_books(add, [0.24, 0.18], &[0.036, 0.028, 0.03], number));
+}
+
+fn low_chest(add: &mut Furnisher, _: u32, degrees: f64) {
+    chest(add, v(1.1, 0.6, 0.8), 2, DARK_WOOD);
+    add.at(v(0.1, 0.602, 0.0), degrees, |add| bowl(add, 0.14, CLAY));
+    add.at(v(-0.3, 0.602, 0.1), degrees, |add| vase(add, 0.3, BLUE_GLAZE));
 }
 
 /// A thing that can be walked around, where there is a place for it.
 fn standing_free(add: &mut Furnisher, places: &mut Places, number: u32) {
     let [which, turn, books, _] = places.draw();
     // The first is a table with chairs; every third afterwards hides what is behind it.
-    let kind = if number == 0 {
-        0
-    } else if number.is_multiple_of(3) {
-        1
-    } else {
-        2 + (which * 6.0) as u32
+    let thing = match number {
+        0 => TABLE,
+        number if number.is_multiple_of(3) => PARTITION,
+        _ => BETWEEN[(which * BETWEEN.len() as f64) as usize],
     };
-    let half: [f64; 2] =
-        [[1.0, 0.85], [0.9, 0.2], [0.3, 0.3], [0.45, 0.45], [0.22, 0.22], [0.28, 0.28], [0.6, 0.45], [0.25, 0.25]]
-            [kind as usize];
     let quarter = (turn * 4.0) as u32 % 2;
-    let half = if quarter == 1 { [half[1], half[0]] } else { half };
+    let half = if quarter == 1 { [thing.half[1], thing.half[0]] } else { thing.half };
     for _ in 0..TRIES {
         let [x, z, ..] = places.draw();
         let middle = [x * places.size[0], z * places.size[1]];
@@ -236,30 +269,9 @@ fn standing_free(add: &mut Furnisher, places: &mut Places, number: u32) {
             continue;
         }
         places.taken.push((middle, half));
-        let books = (1000.0 * books) as u32;
-        add.at(v(middle[0], 0.0, middle[1]), 90.0 * f64::from(quarter), |add| free(add, kind, books, 360.0 * turn));
+        let number = (1000.0 * books) as u32;
+        add.at(v(middle[0], 0.0, middle[1]), 90.0 * f64::from(quarter), |add| (thing.make)(add, number, 360.0 * turn));
         return;
-    }
-}
-
-/// A thing that is seen from all around; round ones are turned by any angle.
-fn free(add: &mut Furnisher, kind: u32, books: u32, degrees: f64) {
-    match kind {
-        0 => laid_table(add, books),
-        1 => shelf(add, |add, free| match free % 2 {
-            0 => vase(add, 0.24, CREAM_GLAZE),
-            _ => stack_of_books(add, [0.2, 0.15], &[0.03, 0.028], books),
-        }),
-        2 => add.at(DVec3::ZERO, degrees, pouffe),
-        3 => add.at(DVec3::ZERO, degrees, plant),
-        4 => standing_lamp(add, 1.5, 0.19, GRAPHITE),
-        5 => add.at(DVec3::ZERO, degrees, chair),
-        6 => {
-            chest(add, v(1.1, 0.6, 0.8), 2, DARK_WOOD);
-            add.at(v(0.1, 0.602, 0.0), degrees, |add| bowl(add, 0.14, CLAY));
-            add.at(v(-0.3, 0.602, 0.1), degrees, |add| vase(add, 0.3, BLUE_GLAZE));
-        }
-        _ => stack_of_books(add, [0.3, 0.24], &[0.06, 0.05, 0.05, 0.04, 0.04, 0.03], books),
     }
 }
 
