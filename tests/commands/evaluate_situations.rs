@@ -92,7 +92,7 @@ fn the_benchmark_writes_a_board() {
         &[
             ("benchmark --scenes nowhere --out o", &["--scenes", "\"nowhere\"", "crowded-room"]),
             ("benchmark --scenes ToyCar --out o", &["ToyCar", "folder of data"]),
-            ("benchmark nodata --scenes ToyCar --out o", &["ToyCar.glb", "No such file"]),
+            ("benchmark nodata --scenes ToyCar --out o", &["ToyCar.glb", "there is no such file"]),
             ("benchmark --scenes bare-room --methods nonsense --out o", &["nonsense", "--methods"]),
             ("benchmark --scenes bare-room --methods fibonacci --out o", &["fibonacci", "a room has none"]),
             ("benchmark --scenes bare-room,two-rooms --methods a=cameras:a.json --out o", &["one scene", "{scene}"]),

@@ -11,6 +11,7 @@ use super::progress::stop_on_interrupt;
 use super::region::{LimitOptions, box_of};
 use super::session::{self, Ended, go_on};
 use super::viewers::ViewerOptions;
+use crate::files::io;
 use crate::files::io::environment::read_environment;
 use crate::lab::evaluate::artifact::ArtifactEvent;
 use crate::lab::evaluate::competitor::Competitor;
@@ -333,7 +334,7 @@ impl Arguments {
             request.validate()?;
         }
         for file in self.scenes.iter().chain(&self.env) {
-            std::fs::metadata(file).map_err(|source| Error::io(file, source))?;
+            io::check_there(file)?;
         }
         Ok(request)
     }

@@ -206,13 +206,23 @@ pub(crate) fn json_file(path: &Path) -> Result<PathBuf> {
     })
 }
 
-/// The bytes of a file, of which there must be some.
-fn read_file(path: &Path) -> Result<Vec<u8>> {
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+/// Checks that there is something at `path`, long before it is read.
+pub(crate) fn check_there(path: &Path) -> Result<()> {
+    std::fs::metadata(path).map(drop).map_err(|source| unreadable(path, source))
+}
+
+/// Why a file cannot be read, with what helps.
+fn unreadable(path: &Path, source: std::io::Error) -> Error {
+    match source.kind() {
         ErrorKind::NotFound => Error::input(path, "there is no such file; check the path"),
         ErrorKind::IsADirectory => Error::input(path, "this is a folder; give a file in it"),
         _ => Error::io(path, source),
-    })?;
+    }
+}
+
+/// The bytes of a file, of which there must be some.
+fn read_file(path: &Path) -> Result<Vec<u8>> {
+    let bytes = std::fs::read(path).map_err(|source| unreadable(path, source))?;
     if bytes.is_empty() {
         return Err(Error::input(path, "the file is empty; export it again"));
     }
