@@ -39,6 +39,8 @@ pub enum Method {
     FvsShared,
     /// Greedy coverage.
     Coverage,
+    /// Greedy on expected quality.
+    Greedy,
     /// Uniformity and frequency at nodes of a grid.
     Acp,
     /// Fisher information about a trained model.
@@ -77,7 +79,7 @@ const CHOOSES: [bool; 2] = [false, true];
 const BOTH: [bool; 2] = [true, true];
 
 /// The table, in the order of the help.
-pub const METHODS: [Entry; 20] = [
+pub const METHODS: [Entry; 21] = [
     Entry {
         alias: Some("swap"),
         ..entry(
@@ -144,6 +146,7 @@ pub const METHODS: [Entry; 20] = [
         "Farthest view sampling by angle and shared points (NeRF Director's photogrammetric distance)",
     ),
     entry(Method::Coverage, "coverage", BOTH, "Greedy on points seen by one view, then by three"),
+    entry(Method::Greedy, "greedy", PLACES, "Greedy on the expected quality that `ours` descends, among random poses"),
     entry(
         Method::Acp,
         "acp",

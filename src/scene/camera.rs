@@ -40,6 +40,15 @@ impl Intrinsics {
         })
     }
 
+    /// The same lens for an image whose longer side has so many pixels.
+    pub fn with_longest(&self, pixels: u32) -> Self {
+        let factor = f64::from(pixels) / f64::from(self.width.max(self.height).max(1));
+        let size = |size: u32| ((f64::from(size) * factor).round() as u32).max(1);
+        let [width, height] = [self.width, self.height].map(size);
+        // Both are within half a pixel of the same shape.
+        self.resized(width, height).unwrap_or(Self { width, height, ..*self })
+    }
+
     /// The same lens where each pixel represents a square of `factor` x `factor` pixels; what is left over at the right and at
     /// the bottom is cut off, unless nothing would remain.
     pub fn shrunk(&self, factor: u32) -> Self {
@@ -57,6 +66,11 @@ impl Intrinsics {
     pub fn fov(&self) -> [f64; 2] {
         let full = |size: u32, f: f64, c: f64| (c / f).atan() + ((size as f64 - c) / f).atan();
         [full(self.width, self.focal[0], self.principal[0]), full(self.height, self.focal[1], self.principal[1])]
+    }
+
+    /// Focal length in pixels, the mean of the two axes.
+    pub fn mean_focal(&self) -> f64 {
+        0.5 * (self.focal[0] + self.focal[1])
     }
 
     /// Full angle in radians of the widest cone about the optical axis that lies inside the image.

@@ -3,7 +3,7 @@
 use crate::support::command::Place;
 use crate::support::command::gltf::cube;
 use camsplat::lab::evaluate::layouts::Trained;
-use camsplat::lab::quality_fit::{Agreement, Fit};
+use camsplat::lab::quality_fit::{Agreement, Correlation, Fit};
 use camsplat::planner::quality::law::Fitted;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
@@ -76,8 +76,10 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
         place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
     }
     evaluation(&place, "flat", |_, _| 20.0);
-    let law = Fitted { nearest: 1.1, third: 0.5, farther: 0.9, background: 0.06, ..Fitted::embedded() };
-    let nothing = Agreement { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
+    let law =
+        Fitted { nearest: 1.1, third: 0.5, farther: 0.9, background: 0.06, most: Some(3.0), ..Fitted::embedded(true) };
+    let nothing = Correlation { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
+    let nothing = Agreement { whole: nothing, of_budgets: None };
     let known = Fit { law, fitted: nothing, held_out: None };
     let expected: Vec<Vec<f64>> = SCENES
         .iter()
@@ -91,8 +93,9 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
     let fit = "quality fit a.gltf b.gltf c.gltf d.gltf --evaluations o --held-out d";
     let ran = place.done(&format!("{fit} --out law.json --layouts layouts.csv"));
     let found: Fitted = serde_json::from_str(&place.read("law.json")).unwrap();
-    for (found, wanted) in
-        [found.nearest, found.third, found.farther, found.background].into_iter().zip([1.1, 0.5, 0.9, 0.06])
+    for (found, wanted) in [found.nearest, found.third, found.farther, found.background, found.most.unwrap_or(0.0)]
+        .into_iter()
+        .zip([1.1, 0.5, 0.9, 0.06, 3.0])
     {
         assert!((found / wanted - 1.0).abs() < 1e-3, "{found} is not {wanted}: {}", ran.out);
     }

@@ -10,7 +10,7 @@ use super::overwrite_guard::check_output_file;
 use super::session::Ended;
 use crate::files::io::folder::{check_file, write_files};
 use crate::lab::evaluate::layouts::Trained;
-use crate::lab::quality_fit::{self, Agreement};
+use crate::lab::quality_fit::{self, Agreement, Correlation};
 use crate::planner::quality::law::Fitted;
 use crate::{Error, Result};
 
@@ -119,20 +119,27 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 }
 
 fn print_law(law: &Fitted) {
-    let Fitted { nearest, third, farther, background, spread: [alike, per], deviation, layouts, scenes, .. } = law;
-    say!(
-        "law      log e^2 = a + {nearest:.3} g1 + {third:.3} g3 + {farther:.3} max(ln r, 0), weight beside objects {background:.4}"
-    );
-    if let Some([a, b, c, d]) = deviation {
-        say!("sd       {a:.3}, {b:.3}, {c:.3}, of the weight {:.0}%", 100.0 * d);
+    let Fitted { nearest, third, farther, most, background, spread: [alike, per], deviation, layouts, scenes, .. } =
+        law;
+    let beside = if *background > 0.0 { format!(", weight beside objects {background:.4}") } else { String::new() };
+    let end = most.map_or("without an end".into(), |most| format!("ending at {most:.2}"));
+    say!("law      z = {nearest:.3} g1 + {third:.3} g3 + {farther:.3} max(ln r, 0), {end}{beside}");
+    if let Some([a, b, c, weight, end]) = deviation {
+        say!("sd       {a:.3}, {b:.3}, {c:.3}, of the end {end:.2}, of the weight {:.0}%", 100.0 * weight);
     }
     say!("spread   {alike:.2} dB of layouts that are expected to be alike, and {per:.2} for each decibel expected");
     say!("of       {layouts} layouts of {} scenes", scenes.len());
 }
 
 fn print_agreement(which: &str, agreement: &Agreement) {
-    let Agreement { groups, layouts, pearson, least, slope } = agreement;
-    say!(
-        "{which:<8} Pearson {pearson:.3} in the mean of {groups} scenes, situations and budgets ({layouts} layouts), least {least:.2}; {slope:.2} dB trained for one expected"
-    );
+    let line = |correlation: &Correlation, of: &str| {
+        let Correlation { groups, layouts, pearson, least, slope } = correlation;
+        say!(
+            "{which:<8} Pearson {pearson:.3} in the mean of {groups} {of} ({layouts} layouts), least {least:.2}; {slope:.2} dB trained for one expected"
+        );
+    };
+    line(&agreement.whole, "scenes and situations");
+    if let Some(of_budgets) = &agreement.of_budgets {
+        line(of_budgets, "scenes, situations and budgets");
+    }
 }

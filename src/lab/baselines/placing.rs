@@ -18,7 +18,11 @@ use crate::planner::plan::problem::Problem;
 use crate::planner::plan::record::Status;
 use crate::planner::plan::run::Outcome;
 use crate::planner::plan::simple_layouts::even_layout;
+use crate::planner::quality::expected::Judge;
+use crate::planner::quality::law::Law;
+use crate::planner::quality::look::Surroundings;
 use crate::planner::select::information::Model;
+use crate::planner::select::objective::Objective;
 use crate::planner::select::pool::Pool;
 use crate::planner::select::retrained::Photograph;
 use crate::planner::select::rule::{Means, Rule};
@@ -33,6 +37,9 @@ use crate::{Error, Result};
 
 /// Stream that the candidates' seed is drawn from, so that they are not the random baseline.
 const CANDIDATES: u32 = 0x5045_0000;
+/// Viewers whose looks the greedy choice is made by, and the key that separates them from those that judge it.
+const VIEWERS: u32 = 512;
+const VIEWER_SEED: u64 = 0x6772_6565;
 /// Points that shared points and coverage are counted on.
 const POINTS: usize = 2000;
 
@@ -136,8 +143,10 @@ enum Placement {
     Fibonacci,
     /// By a layout of rooms.
     Level(fn(&FreeSpace, usize) -> Vec<Pose>),
-    /// Chosen among random poses.
+    /// Chosen among random poses by a rule.
     Choice(Rule),
+    /// Chosen among random poses by expected quality.
+    Greedy,
     /// By the noise of a model.
     Manifold(manifold::ManifoldSettings),
 }
@@ -157,6 +166,7 @@ impl Placement {
             }
             (Method::Grid, _) => Self::Level(layouts::grid),
             (Method::Rings, _) => Self::Level(layouts::rings),
+            (Method::Greedy, _) => Self::Greedy,
             (Method::Manifold, _) => Self::Manifold(request.manifold.unwrap_or_default()),
             (method, Some(rule)) if method.entry().places => Self::Choice(match rule {
                 Rule::Acp(usual) => Rule::Acp(request.acp.unwrap_or(usual)),
@@ -202,6 +212,7 @@ impl Site<'_> {
             }
             Placement::Level(layout) => layout(&geometry.free, views).iter().map(settled).collect(),
             Placement::Choice(rule) => self.choose(rule, outside)?,
+            Placement::Greedy => self.greedy()?,
             Placement::Manifold(settings) => {
                 let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
                 let model = self.model.ok_or_else(missing)?;
@@ -209,6 +220,23 @@ impl Site<'_> {
                 placed.iter().map(|pose| settled(&geometry.to_internal.pose(pose))).collect()
             }
         })
+    }
+
+    /// As many of the candidates as there are to be views, one after another the one that lowers most what viewers are expected to see
+    /// of errors.
+    fn greedy(&self) -> Result<Vec<Pose>> {
+        let Self { context, problem, scene, candidates, request, .. } = *self;
+        let (inward, seed) = (request.preset == Preset::Object, request.seed ^ VIEWER_SEED);
+        let law = Law::embedded(inward);
+        let around = Surroundings::new(&scene.geometry, problem.target.proxy.sphere, inward, &law);
+        let viewers = request.viewers.sample(&scene.geometry, problem.lens, inward, seed, VIEWERS)?;
+        let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
+        let photos = &candidates.photos;
+        let looked_at = Objective::new(context, scene, photos, judge.looks()?, judge.viewers().len(), law)?;
+        let kept = problem.kept.len();
+        let free: Vec<usize> = (kept..photos.len()).collect();
+        let chosen = looked_at.grown(&(0..kept).collect::<Vec<_>>(), &free, kept + request.views as usize)?;
+        Ok(chosen[kept..].iter().map(|photo| photos[*photo].camera.pose).collect())
     }
 
     /// As many of the candidates as there are to be views, by a rule.

@@ -16,7 +16,7 @@ impl Method {
         let usual = match self {
             Self::Fvs | Self::FvsChord => 10_000,
             // Counting shared points takes every pair.
-            Self::FvsShared | Self::Coverage => 2000,
+            Self::FvsShared | Self::Coverage | Self::Greedy => 2000,
             Self::Acp => 1000,
             // Few, since each renders a model; as many as there are views would leave no choice.
             Self::Fisher | Self::FisherRetrain | Self::Cover => views.saturating_mul(3).max(300),

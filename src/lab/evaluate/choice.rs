@@ -7,6 +7,7 @@ use serde_json::json;
 use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::baseline::sized;
 use super::competitor::Competitor;
+use super::given::Given;
 use super::kind::Kind;
 use super::passes;
 use super::request::Run;
@@ -61,11 +62,12 @@ impl SceneArtifacts<'_> {
         let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
         let kept = self.scene.kept(intrinsics, views, seed)?;
         let limits = &self.scene.limits;
+        let cameras = |layout: &Given| layout.cameras(&self.scene.name, views, seed, self.settings.size);
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
         let mut made_of = match method {
             // Independent of their names and, where the files are, of the seed.
             Competitor::Cameras(layout) => json!({
-                "surface": given.shown.key(), "given": layout.poses(&self.scene.name, views, seed), "region": region, "camera": intrinsics, "device": device,
+                "surface": given.shown.key(), "given": cameras(layout).0, "region": region, "camera": intrinsics, "device": device,
                 "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
@@ -74,6 +76,12 @@ impl SceneArtifacts<'_> {
                 "samples": photographs.then_some(self.settings.samples),
             }),
         };
+        if let Competitor::Cameras(layout) = method
+            && let (_, lenses) = cameras(layout)
+            && !lenses.is_empty()
+        {
+            made_of["lenses"] = json!(lenses);
+        }
         if self.settings.space == Space::Known {
             made_of["space"] = json!(self.settings.space);
         }
@@ -97,7 +105,8 @@ impl SceneArtifacts<'_> {
             }
             (None, Competitor::Cameras(layout)) => {
                 let config = Config { seed: 0, ..config };
-                let poses = layout.poses(&self.scene.name, views, seed).map(<[_]>::to_vec).unwrap_or_default();
+                let (poses, lenses) = cameras(layout);
+                let problem = Problem { lenses, ..problem };
                 plan::pipeline::given(&self.context, &problem, poses, method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {

@@ -20,7 +20,7 @@ pub enum Competitor {
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them.
     Tuned(Arc<str>),
-    /// Cameras that are there already, `cameras:FILE`, at the budgets of their numbers.
+    /// Cameras that are there already, `cameras:FILE` or `lenses:FILE`, at the budgets of their numbers.
     Cameras(Arc<Given>),
 }
 
@@ -153,7 +153,8 @@ impl FromStr for Competitor {
             Some(method) => Ok(Self::Method(method)),
             None => {
                 let known = METHODS.iter().map(|entry| entry.name);
-                let known: Vec<&str> = known.chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "cameras:FILE"]).collect();
+                let known: Vec<&str> =
+                    known.chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "cameras:FILE", "lenses:FILE"]).collect();
                 Err(format!("no such method; give some of {}", known.join(", ")))
             }
         }
@@ -204,7 +205,7 @@ mod tests {
             assert!(error.contains(wrong) && error.contains(named), "{error}");
         }
         assert!("cameras:".parse::<Competitor>().unwrap_err().contains("name a file"));
-        assert!("nobodys".parse::<Competitor>().unwrap_err().ends_with(", cameras:FILE"));
+        assert!("nobodys".parse::<Competitor>().unwrap_err().ends_with(", cameras:FILE, lenses:FILE"));
         assert!(
             "nobodys"
                 .parse::<Competitor>()

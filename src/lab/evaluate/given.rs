@@ -5,24 +5,26 @@ use std::path::Path;
 
 use crate::files::io;
 use crate::planner::methods::Method;
-use crate::scene::camera::Pose;
+use crate::scene::camera::{Intrinsics, Pose};
 use crate::{Error, Result};
 
-/// What stands before the files of a layout.
-const FILES: &str = "cameras:";
+/// What stands before the files of a layout: one whose cameras have the lens of all methods, and one whose cameras have those of the file.
+const FILES: [(&str, bool); 2] = [("cameras:", false), ("lenses:", true)];
 /// What a file's name may contain for each of many: `{scene}`, `{views}` and `{seed}`.
 const PLACEHOLDERS: [&str; 3] = ["scene", "views", "seed"];
 
-/// A method whose cameras lie in files: `cameras:FILE`, or `NAME=cameras:FILE` with a name for the tables. In FILE, `{scene}`, `{views}`
-/// and `{seed}` stand for those of a run.
+/// A method whose cameras lie in files: `cameras:FILE`, or `NAME=cameras:FILE` with a name for the tables; `lenses:` in place of `cameras:`
+/// where they keep their lenses. In FILE, `{scene}`, `{views}` and `{seed}` stand for those of a run.
 #[derive(Debug)]
 pub struct Given {
     /// What it is called in tables.
     pub name: String,
     /// The file's path, with placeholders.
     pattern: String,
-    /// What was read, by the path it was read from.
-    layouts: BTreeMap<String, Vec<Pose>>,
+    /// Whether cameras have the lenses of the file.
+    own_lenses: bool,
+    /// What was read, by the path it was read from: poses and lenses.
+    layouts: BTreeMap<String, Vec<(Pose, Intrinsics)>>,
     /// What was understood of the files, for the user to check.
     pub notes: Vec<String>,
 }
@@ -30,7 +32,9 @@ pub struct Given {
 /// Independent of their names.
 impl PartialEq for Given {
     fn eq(&self, other: &Self) -> bool {
-        self.layouts.values().eq(other.layouts.values()) && (!self.layouts.is_empty() || self.pattern == other.pattern)
+        self.layouts.values().eq(other.layouts.values())
+            && self.own_lenses == other.own_lenses
+            && (!self.layouts.is_empty() || self.pattern == other.pattern)
     }
 }
 
@@ -43,10 +47,10 @@ impl Given {
     /// # Errors
     /// What is wrong with the name.
     pub fn parse(name: &str) -> Option<Result<Self, String>> {
-        let (label, pattern) = match name.strip_prefix(FILES) {
-            Some(pattern) => (name, pattern),
-            None => name.split_once(&format!("={FILES}"))?,
-        };
+        let (label, pattern, own_lenses) = FILES.iter().find_map(|(files, own)| match name.strip_prefix(files) {
+            Some(pattern) => Some((name, pattern, *own)),
+            None => name.split_once(&format!("={files}")).map(|(label, pattern)| (label, pattern, *own)),
+        })?;
         let unknown = pattern
             .split('{')
             .skip(1)
@@ -54,14 +58,15 @@ impl Given {
             .find(|placeholder| !PLACEHOLDERS.contains(placeholder));
         Some(match unknown {
             Some(unknown) => Err(format!("{{{unknown}}} stands for nothing; give {{scene}}, {{views}} or {{seed}}")),
-            None if pattern.is_empty() => Err("name a file behind cameras:".into()),
+            None if pattern.is_empty() => Err("name a file behind the colon".into()),
             None if label.trim().is_empty() || label != name && label.contains(':') => {
-                Err("give a name without a colon before =cameras:".into())
+                Err("give a name without a colon before the equals sign".into())
             }
             None if Method::named(label).is_some() => Err(format!("{label} is a method here; give another name")),
             None => Ok(Self {
                 name: label.to_owned(),
                 pattern: pattern.to_owned(),
+                own_lenses,
                 layouts: BTreeMap::new(),
                 notes: Vec::new(),
             }),
@@ -89,7 +94,7 @@ impl Given {
                         return Err(Error::input(Path::new(&file), what));
                     }
                     if let Some((other, poses)) =
-                        layouts.iter().find(|(_, poses): &(_, &Vec<Pose>)| !self.has("views") && poses.len() != count)
+                        layouts.iter().find(|(_, poses): &(_, &Vec<_>)| !self.has("views") && poses.len() != count)
                     {
                         let what = format!(
                             "these are {count} cameras, and {other} has {}; give one number, or {{views}} in the name",
@@ -98,16 +103,19 @@ impl Given {
                         return Err(Error::input(Path::new(&file), what));
                     }
                     notes.extend(said.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
-                    layouts.insert(file, cameras.into_iter().map(|camera| camera.pose).collect());
+                    layouts.insert(file, cameras.into_iter().map(|camera| (camera.pose, camera.intrinsics)).collect());
                 }
             }
         }
-        Ok(Self { name: self.name.clone(), pattern: self.pattern.clone(), layouts, notes })
+        Ok(Self { name: self.name.clone(), pattern: self.pattern.clone(), own_lenses: self.own_lenses, layouts, notes })
     }
 
-    /// The poses of a run, in the scene's frame; none where none were read for it.
-    pub fn poses(&self, scene: &str, views: u32, seed: u64) -> Option<&[Pose]> {
-        self.layouts.get(&self.file(scene, views, seed)).map(Vec::as_slice)
+    /// The poses of a run, in the scene's frame, and the lenses that the cameras have in place of the usual one, for pictures whose longer
+    /// side has `size` pixels; none where none were read for it.
+    pub fn cameras(&self, scene: &str, views: u32, seed: u64, size: u32) -> (Vec<Pose>, Vec<Intrinsics>) {
+        let read = self.layouts.get(&self.file(scene, views, seed)).map_or(&[][..], Vec::as_slice);
+        let lenses = read.iter().filter(|_| self.own_lenses).map(|(_, lens)| lens.with_longest(size));
+        (read.iter().map(|(pose, _)| *pose).collect(), lenses.collect())
     }
 
     /// Whether it has layouts of so many cameras.
@@ -168,10 +176,15 @@ mod tests {
         let scenes = ["cup".to_owned(), "jug".to_owned()];
         let all = given(&format!("mine=cameras:{}/{{scene}}-{{views}}-{{seed}}.json", folder.path().display()));
         let read = all.read(&scenes, &[2, 3], 0..2).unwrap();
-        let first = |scene: &str, views, seed| read.poses(scene, views, seed).unwrap()[0].position.x;
+        let first = |scene: &str, views, seed| read.cameras(scene, views, seed, 8).0[0].position.x;
         assert_eq!((first("cup", 2, 0), first("cup", 3, 1), first("jug", 2, 1)), (1.0, 2.0, 6.0));
         assert!(read.takes(2) && read.takes(3) && !read.takes(4) && read.of_each_scene());
-        assert_eq!((&*read.name, read.poses("cup", 4, 0)), ("mine", None));
+        assert_eq!((&*read.name, read.cameras("cup", 4, 0, 8)), ("mine", (Vec::new(), Vec::new())));
+        // The files' lenses count where they are asked for, at the size of all pictures.
+        assert!(read.cameras("cup", 2, 0, 16).1.is_empty());
+        let own = given(&format!("mine=lenses:{}/{{scene}}-{{views}}-{{seed}}.json", folder.path().display()));
+        let lenses = own.read(&scenes, &[2], 0..2).unwrap().cameras("cup", 2, 0, 16).1;
+        assert_eq!((lenses.len(), lenses[0].width, lenses[0].focal), (2, 16, [16.0, 16.0]));
 
         let missing = all.read(&scenes, &[2], 0..3).unwrap_err().to_string();
         assert!(missing.contains("cup-2-2.json"), "{missing}");
@@ -183,6 +196,7 @@ mod tests {
         assert!(other.contains("these are 3 cameras, and ") && other.contains("has 2"), "{other}");
         for (wrong, what) in [
             ("cameras:", "name a file"),
+            ("lenses:", "name a file"),
             ("mine=cameras:", "name a file"),
             ("cameras:{object}.json", "{object} stands for nothing"),
             ("=cameras:a.json", "without a colon"),

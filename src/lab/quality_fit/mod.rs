@@ -1,10 +1,11 @@
-//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene, situation and number of
-//! views.
+//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene and situation, whatever their
+//! numbers of views.
 //!
-//! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w exp(b1 g1 + b3 g3 + c max(ln r, 0))` over
-//! the pixels of a grid, as [`law`](crate::planner::quality::law) has it. What is fitted is `b1`, `b3`, `c` and the weight `w` of pixels
-//! beside an object; the scale needs no factor of its own, since it is that of the `b`s. What all layouts of a scene and budget share, such
-//! as material and light, cancels.
+//! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w / (exp(-z) + exp(-m))` over the pixels of a
+//! grid, with `z = b1 g1 + b3 g3 + c max(ln r, 0)`, as [`law`](crate::planner::quality::law) has it. What is fitted is `b1`, `b3`, `c`, the
+//! weight `w` of pixels beside an object, and the end `m`; the scale needs no factor of its own, since it is that of the others. What all
+//! layouts of a scene share, such as material and light, cancels. Errors rise by the third nearest view, and end, only where that makes
+//! the fit better: in rooms the third nearest adds nothing.
 
 mod observation;
 mod solver;
@@ -12,14 +13,17 @@ mod solver;
 use serde::Serialize;
 
 pub use observation::{Layout, Observations};
+use solver::{BESIDE, FARTHER, MOST, N, THIRD};
 
-use crate::planner::quality::law::Fitted;
+use crate::planner::quality::law::{FARTHEST, Fitted, NO_END};
 use crate::{Error, Result};
 
-/// Fewest layouts of a scene, situation and budget that can be compared.
+/// Fewest layouts of a scene that can be compared.
 const MIN_LAYOUTS: usize = 3;
 /// Where the search begins.
-const START: [f64; solver::N] = [1.0, 0.5, 0.5, -3.0];
+const START: [f64; N] = [1.0, 0.5, 0.5, -3.0, 6.0];
+/// How far beyond what errors rise by angle an end is none: it takes a twentieth of them at most.
+const BEYOND: f64 = 3.0;
 
 /// A law with what it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,15 +39,26 @@ pub struct Fit {
 impl Fit {
     /// Expected quality of each of a scene's layouts on its test views, in decibels up to the scene's own level.
     pub fn expected(&self, scene: &Observations) -> Vec<f64> {
-        let Fitted { nearest, third, farther, background, .. } = self.law;
-        solver::expected(scene, &[nearest, third, farther, background.ln()])
+        let Fitted { nearest, third, farther, background, most, .. } = self.law;
+        // A room has no pixels beside it.
+        let log_weight = if background > 0.0 { background.ln() } else { 0.0 };
+        solver::expected(scene, &[nearest, third, farther, log_weight, most.unwrap_or(NO_END)])
     }
 }
 
-/// How expected and trained quality agree within scenes and budgets.
+/// How expected and trained quality agree within scenes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// Groups of layouts of one scene, situation and budget.
+    /// Layouts of each scene and situation, of all numbers of views together.
+    pub whole: Correlation,
+    /// Of each scene, situation and number of views; none where there are never enough of them.
+    pub of_budgets: Option<Correlation>,
+}
+
+/// How two quantities go together in groups of layouts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Correlation {
+    /// Groups of layouts.
     pub groups: usize,
     /// Layouts in all.
     pub layouts: usize,
@@ -66,11 +81,10 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     let (held, fitted): (Vec<_>, Vec<_>) = scenes.iter().partition(|scene| held_out.contains(&scene.name));
     let too_few = || {
         Error::request(format!(
-            "the fit needs {MIN_LAYOUTS} layouts or more of one scene with as many views each, and scenes with an empty place beside \
-             the surface; train more layouts"
+            "the fit needs {MIN_LAYOUTS} layouts or more of one scene, and objects or rooms, not both; train more layouts"
         ))
     };
-    let best = solver::solve(&fitted, START).ok_or_else(too_few)?;
+    let (best, free) = best(&fitted).ok_or_else(too_few)?;
     let names = |scenes: &[&Observations]| -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for scene in scenes {
@@ -82,42 +96,43 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     };
     // Jackknife over scenes: what is seen of one scene's layouts, in whatever situation, is not independent.
     let own_names = names(&fitted);
-    let without: Vec<[f64; solver::N]> = own_names
+    let without: Vec<[f64; N]> = own_names
         .iter()
         .filter(|_| own_names.len() > 2)
         .filter_map(|left| {
             let others: Vec<_> = fitted.iter().filter(|scene| scene.name != *left).copied().collect();
-            solver::solve(&others, best)
+            solver::solve(&others, best, &free)
         })
         .collect();
     let deviation = (without.len() == own_names.len() && own_names.len() > 2).then(|| {
         let n = without.len() as f64;
         std::array::from_fn(|k| {
             let mean = without.iter().map(|theta| theta[k]).sum::<f64>() / n;
+            // Zero of what is not fitted.
             ((n - 1.0) / n * without.iter().map(|theta| (theta[k] - mean).powi(2)).sum::<f64>()).sqrt()
         })
     });
-    let pairs = |scenes: &[&Observations]| -> Vec<Vec<Pair>> {
+    let pairs = |scenes: &[&Observations], of_budgets: bool| -> Vec<Vec<Pair>> {
         let of = |scene: &&Observations| {
             let expected = solver::expected(scene, &best);
-            scene
-                .groups()
-                .into_iter()
-                .map(move |group| {
-                    group.into_iter().map(|i| (expected[i], scene.layouts[i].psnr)).collect::<Vec<Pair>>()
-                })
-                .collect::<Vec<_>>()
+            let groups = if of_budgets { scene.groups() } else { vec![(0..scene.layouts.len()).collect()] };
+            let pair = |i: usize| (expected[i], scene.layouts[i].psnr);
+            groups.into_iter().map(|group| group.into_iter().map(pair).collect::<Vec<Pair>>()).collect::<Vec<_>>()
         };
         scenes.iter().flat_map(of).filter(|group| group.len() >= MIN_LAYOUTS).collect()
     };
-    let (own, others) = (pairs(&fitted), pairs(&held));
+    let agreement = |scenes: &[&Observations]| -> Option<Agreement> {
+        let whole = correlation(&pairs(scenes, false))?;
+        Some(Agreement { whole, of_budgets: correlation(&pairs(scenes, true)) })
+    };
+    let (own, others) = (pairs(&fitted, false), pairs(&held, false));
     let spread = spread(if others.is_empty() { &own } else { &others });
-    let [nearest, third, farther, log_weight] = best;
     let law = Fitted {
-        nearest,
-        third,
-        farther,
-        background: log_weight.exp(),
+        nearest: best[0],
+        third: best[THIRD],
+        farther: best[FARTHER],
+        most: free[MOST].then_some(best[MOST]),
+        background: if free[BESIDE] { best[BESIDE].exp() } else { 0.0 },
         spread,
         deviation,
         scenes: own_names,
@@ -125,7 +140,31 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         layouts: fitted.iter().map(|scene| scene.layouts.len()).sum(),
     };
     law.check()?;
-    Ok(Fit { law, fitted: agreement(&own).ok_or_else(too_few)?, held_out: agreement(&others) })
+    Ok(Fit { law, fitted: agreement(&fitted).ok_or_else(too_few)?, held_out: agreement(&held) })
+}
+
+/// The best parameters, and which of them are fitted.
+fn best(scenes: &[&Observations]) -> Option<([f64; N], [bool; N])> {
+    let (mut start, mut free) = (START, [true; N]);
+    let beside: Vec<bool> = scenes.iter().map(|scene| scene.beside.contains(&true)).collect();
+    if beside.contains(&true) != beside.iter().all(|beside| *beside) {
+        return None;
+    }
+    let without =
+        |start: &mut [f64; N], free: &mut [bool; N], k: usize, value: f64| (start[k], free[k]) = (value, false);
+    if !beside.contains(&true) {
+        without(&mut start, &mut free, BESIDE, 0.0);
+    }
+    let mut found = solver::solve(scenes, start, &free);
+    if found.is_none_or(|found| found[MOST] > FARTHEST * (found[0] + found[THIRD]) + BEYOND) {
+        without(&mut start, &mut free, MOST, NO_END);
+        found = solver::solve(scenes, start, &free);
+    }
+    if found?[THIRD] < 0.0 {
+        without(&mut start, &mut free, THIRD, 0.0);
+        found = solver::solve(scenes, start, &free);
+    }
+    Some((found?, free))
 }
 
 /// Standard deviation of the trained difference of two layouts about the expected one: of layouts that are expected to be
@@ -142,10 +181,10 @@ fn spread(groups: &[Vec<Pair>]) -> [f64; 2] {
     [alike.sqrt(), mean(far.collect()).max(0.0).sqrt()]
 }
 
-fn agreement(groups: &[Vec<Pair>]) -> Option<Agreement> {
-    let found: Vec<[f64; 2]> = groups.iter().map(|group| correlation(group)).collect();
+fn correlation(groups: &[Vec<Pair>]) -> Option<Correlation> {
+    let found: Vec<[f64; 2]> = groups.iter().map(|group| of_group(group)).collect();
     let mean = |k: usize| found.iter().map(|one| one[k]).sum::<f64>() / found.len() as f64;
-    (!found.is_empty()).then(|| Agreement {
+    (!found.is_empty()).then(|| Correlation {
         groups: groups.len(),
         layouts: groups.iter().map(Vec::len).sum(),
         pearson: mean(0),
@@ -155,7 +194,7 @@ fn agreement(groups: &[Vec<Pair>]) -> Option<Agreement> {
 }
 
 /// Pearson's correlation and the slope of the second on the first.
-fn correlation(pairs: &[Pair]) -> [f64; 2] {
+fn of_group(pairs: &[Pair]) -> [f64; 2] {
     let n = pairs.len() as f64;
     let (mx, my) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
     let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - mx, y - my)).sum::<f64>();
@@ -169,7 +208,7 @@ mod tests {
     use crate::scene::random;
 
     /// Layouts whose looks have these angles and distances at random, trained by the law `theta`, with noise of `noise` dB.
-    fn scene(name: &str, theta: [f64; solver::N], noise: f64, seed: u64) -> Observations {
+    fn scene(name: &str, theta: [f64; N], noise: f64, seed: u64) -> Observations {
         let (views, looks) = (6, 40);
         let beside: Vec<bool> = (0..views * looks).map(|i| i % 4 == 3).collect();
         let ends = (1..=views).map(|view| view * looks).collect();
@@ -187,9 +226,8 @@ mod tests {
         let expected = solver::expected(&scene, &theta);
         for (l, (layout, db)) in (0..).zip(scene.layouts.iter_mut().zip(expected)) {
             let [u, v, ..] = random::uniforms(seed, 7, l);
-            // Each scene and budget has a level of its own.
-            layout.psnr =
-                25.0 + f64::from(layout.views) + db + noise * 12f64.sqrt() * (0.5 * (u + v) - 0.5) * 2f64.sqrt();
+            // Each scene has a level of its own.
+            layout.psnr = 25.0 + (seed % 7) as f64 + db + noise * 12f64.sqrt() * (0.5 * (u + v) - 0.5) * 2f64.sqrt();
         }
         scene
     }
@@ -197,14 +235,15 @@ mod tests {
     /// If this failed, the published coefficients would be those of something else than the law that plans descend.
     #[test]
     fn a_law_is_found_again_from_layouts_that_follow_it() {
-        let theta = [1.3, 0.6, 0.8, -2.8];
+        let theta = [1.3, 0.6, 0.8, -2.8, 2.0];
         let scenes: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.0, 40 + i)).collect();
         let found = fit(&scenes, &["s4".into()]).unwrap();
-        let Fitted { nearest, third, farther, background, .. } = found.law;
-        for (value, wanted) in [nearest, third, farther, background.ln()].into_iter().zip(theta) {
+        let Fitted { nearest, third, farther, background, most, .. } = found.law;
+        for (value, wanted) in [nearest, third, farther, background.ln(), most.unwrap()].into_iter().zip(theta) {
             assert!((value - wanted).abs() < 1e-6, "{:?}", found.law);
         }
-        assert!(found.held_out.unwrap().pearson > 1.0 - 1e-9);
+        let held_out = found.held_out.unwrap();
+        assert!(held_out.whole.pearson > 1.0 - 1e-9 && held_out.of_budgets.unwrap().groups == 2);
         assert_eq!((found.law.scenes.len(), found.law.held_out), (4, vec!["s4".to_string()]));
         // With noise it is found within the jackknife's deviations.
         let noisy: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.05, 80 + i)).collect();
@@ -217,12 +256,35 @@ mod tests {
         assert_eq!(fit(&noisy, &[]).unwrap(), found);
     }
 
+    /// If this failed, rooms would have no law of their own, or one whose error falls where a third view is farther away.
+    #[test]
+    fn what_does_not_earn_its_place_is_left_out() {
+        let room = |name: &str, theta, seed| {
+            let mut room = scene(name, theta, 0.0, seed);
+            room.beside.iter_mut().for_each(|beside| *beside = false);
+            let expected = solver::expected(&room, &theta);
+            room.layouts.iter_mut().zip(expected).for_each(|(layout, db)| layout.psnr = 20.0 + db);
+            room
+        };
+        let rooms = |theta| [room("a", theta, 50), room("b", theta, 51), room("c", theta, 52)];
+        // Errors that fall by the third view cannot be of a law; those that never end have none.
+        let found = fit(&rooms([1.5, -0.2, 0.6, 0.0, 2.0]), &[]).unwrap().law;
+        assert!(found.third == 0.0 && found.background == 0.0 && found.nearest > 1.0, "{found:?}");
+        let found = fit(&rooms([1.5, 0.4, 0.6, 0.0, NO_END]), &[]).unwrap().law;
+        assert!(found.most.is_none() && (found.third - 0.4).abs() < 1e-6, "{found:?}");
+        assert_eq!(found.deviation.unwrap()[3..], [0.0; 2]);
+        // One law is of rooms, or of objects.
+        let both = [room("a", START, 50), scene("b", START, 0.0, 51)];
+        let refused = fit(&both, &[]).unwrap_err().to_string();
+        assert!(refused.contains("objects or rooms"), "{refused}");
+    }
+
     /// If this failed, a scene that was trained in two situations would be left out twice, one half at a time, and the deviations be
     /// too small.
     #[test]
     fn parts_of_a_scene_are_left_out_together() {
         // Each scene follows a law of its own.
-        let part = |name: &str, nearest: f64, seed| scene(name, [nearest, 0.6, 0.8, -2.8], 0.0, seed);
+        let part = |name: &str, nearest: f64, seed| scene(name, [nearest, 0.6, 0.8, -2.8, 2.0], 0.0, seed);
         let parts =
             [part("a", 1.3, 40), part("b", 1.1, 41), part("c", 1.5, 42), part("a", 1.3, 43), part("d", 1.3, 44)];
         let found = fit(&parts, &["d".into()]).unwrap();
@@ -230,10 +292,11 @@ mod tests {
             (found.law.scenes, found.law.held_out),
             (vec!["a".into(), "b".into(), "c".into()], vec!["d".into()])
         );
-        let best = solver::solve(&parts[..4].iter().collect::<Vec<_>>(), START).unwrap();
+        let free = [true; N];
+        let best = solver::solve(&parts[..4].iter().collect::<Vec<_>>(), START, &free).unwrap();
         let alone = |left: &str| -> f64 {
             let others: Vec<_> = parts[..4].iter().filter(|part| part.name != left).collect();
-            solver::solve(&others, best).unwrap()[0]
+            solver::solve(&others, best, &free).unwrap()[0]
         };
         let each = ["a", "b", "c"].map(alone);
         let mean = each.iter().sum::<f64>() / 3.0;

@@ -24,8 +24,8 @@ pub struct Layout {
     pub views: u32,
     /// Trained PSNR in decibels, the mean over test views.
     pub psnr: f64,
-    /// By look: the angles of the nearest and of the third nearest view in radians, and how much farther the nearest is than the
-    /// viewer, as a logarithm that is not negative.
+    /// By look: the angles of the nearest and of the third nearest view in radians, and how much larger the nearest one's
+    /// footprint is than the viewer's, as a logarithm that is not negative.
     pub near: Vec<[f32; 3]>,
 }
 
@@ -53,10 +53,10 @@ impl Observations {
         runs: &[(String, Vec<Camera>, f64)],
     ) -> Self {
         let caster = Caster::new(geometry, around);
-        let shown = mapped(tests, |i, test| {
+        let shown = mapped(tests, |_, test| {
             let viewer = Viewer::new(test, geometry);
             let place = |pixel: u32| [pixel % SIDE, pixel / SIDE].map(|at| (at as f32 + 0.5) / SIDE as f32);
-            let looks = (0..SIDE * SIDE).map(|pixel| caster.look(i as u32, &viewer, place(pixel)));
+            let looks = (0..SIDE * SIDE).map(|pixel| caster.look(&viewer, place(pixel)));
             looks.filter(|look| look.distance > 0.0).collect::<Vec<Look>>()
         });
         let on_surface = |looks: &&Vec<Look>| looks.iter().filter(|look| look.normal != [0.0; 3]).count() >= MIN_SHOWN;
@@ -70,7 +70,7 @@ impl Observations {
             let near = looks.iter().map(|look| {
                 let found = nearest_cameras(&geometry.bvh, look, &views);
                 let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost) as f32;
-                let ratio = found.first().map_or(1.0, |near| near.distance / f64::from(look.distance));
+                let ratio = found.first().map_or(1.0, |near| near.footprint / f64::from(look.footprint));
                 [angle(0), angle(2), ratio.ln().max(0.0) as f32]
             });
             Layout { name: name.clone(), views: cameras.len() as u32, psnr: *psnr, near: near.collect() }

@@ -4,8 +4,17 @@ use super::MIN_LAYOUTS;
 use super::observation::{Layout, Observations};
 use crate::engine::parallel::mapped;
 
-/// What is fitted: by the angles of the nearest and the third nearest view, by distance, and the logarithm of the weight beside.
-pub const N: usize = 4;
+/// What is fitted: by the angles of the nearest and the third nearest view, by footprint, the logarithm of the weight beside, and where
+/// errors end.
+pub const N: usize = 5;
+/// Place of the third nearest view's.
+pub const THIRD: usize = 1;
+/// Place of the footprint's.
+pub const FARTHER: usize = 2;
+/// Place of the weight's logarithm.
+pub const BESIDE: usize = 3;
+/// Place of the end.
+pub const MOST: usize = 4;
 /// Steps at most; a dozen are enough.
 const STEPS: u32 = 200;
 
@@ -23,11 +32,17 @@ fn predict(scene: &Observations, layout: &Layout, theta: &[f64; N]) -> (f64, [f6
     for end in &scene.ends {
         let (mut sum, mut moments) = (0.0, [0.0; N]);
         for look in first..*end {
-            let [g1, g3, far] = layout.near[look].map(f64::from);
-            let x = [g1, g3, far, f64::from(u8::from(scene.beside[look]))];
-            let error = (0..N).map(|k| theta[k] * x[k]).sum::<f64>().exp();
+            let near = layout.near[look].map(f64::from);
+            let rise: f64 = (0..3).map(|k| theta[k] * near[k]).sum();
+            let end = (-theta[MOST]).exp();
+            let free = 1.0 / ((-rise).exp() + end);
+            let ended = free * end;
+            let beside = f64::from(u8::from(scene.beside[look]));
+            let error = (theta[BESIDE] * beside).exp() * free;
             sum += error;
-            (0..N).for_each(|k| moments[k] += error * x[k]);
+            (0..3).for_each(|k| moments[k] += error * (1.0 - ended) * near[k]);
+            moments[BESIDE] += error * beside;
+            moments[MOST] += error * ended;
         }
         db -= DECIBELS * (sum / (end - first) as f64).ln();
         (0..N).for_each(|k| slopes[k] -= DECIBELS * moments[k] / sum);
@@ -44,35 +59,40 @@ struct Normal {
     matrix: [[f64; N]; N],
 }
 
-/// Residuals are centred within each scene and number of views, and each of these counts the same.
-fn normal(scenes: &[&Observations], theta: &[f64; N]) -> Normal {
+/// Residuals are centred within each scene, and each of these counts the same. Those that are not `free` have no part.
+fn normal(scenes: &[&Observations], theta: &[f64; N], free: &[bool; N]) -> Normal {
     let mut all = Normal { cost: 0.0, gradient: [0.0; N], matrix: [[0.0; N]; N] };
     for scene in scenes {
         let predicted = mapped(&scene.layouts, |_, layout| predict(scene, layout, theta));
-        for group in scene.groups().into_iter().filter(|group| group.len() >= MIN_LAYOUTS) {
-            let share = 1.0 / group.len() as f64;
-            let rows = group.iter().map(|i| (predicted[*i].0 - scene.layouts[*i].psnr, predicted[*i].1));
-            let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {
-                (r + share * residual, std::array::from_fn(|k| s[k] + share * slopes[k]))
-            });
-            for (residual, slopes) in rows {
-                let residual = residual - mean.0;
-                let slopes: [f64; N] = std::array::from_fn(|k| slopes[k] - mean.1[k]);
-                all.cost += share * residual * residual;
-                for i in 0..N {
-                    all.gradient[i] += share * residual * slopes[i];
-                    (0..N).for_each(|j| all.matrix[i][j] += share * slopes[i] * slopes[j]);
-                }
+        if scene.layouts.len() < MIN_LAYOUTS {
+            continue;
+        }
+        let share = 1.0 / scene.layouts.len() as f64;
+        let of_free = |slopes: [f64; N]| -> [f64; N] { std::array::from_fn(|k| if free[k] { slopes[k] } else { 0.0 }) };
+        let rows =
+            scene.layouts.iter().zip(&predicted).map(|(layout, (db, slopes))| (db - layout.psnr, of_free(*slopes)));
+        let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {
+            (r + share * residual, std::array::from_fn(|k| s[k] + share * slopes[k]))
+        });
+        for (residual, slopes) in rows {
+            let residual = residual - mean.0;
+            let slopes: [f64; N] = std::array::from_fn(|k| slopes[k] - mean.1[k]);
+            all.cost += share * residual * residual;
+            for i in 0..N {
+                all.gradient[i] += share * residual * slopes[i];
+                (0..N).for_each(|j| all.matrix[i][j] += share * slopes[i] * slopes[j]);
             }
         }
     }
+    let scale = (0..N).map(|k| all.matrix[k][k]).fold(f64::MIN_POSITIVE, f64::max);
+    (0..N).filter(|k| !free[*k]).for_each(|k| all.matrix[k][k] = scale);
     all
 }
 
-/// The parameters of least squares; none where the layouts do not determine them.
-pub(crate) fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N]> {
+/// The parameters of least squares, those that are not `free` as they start; none where the layouts do not determine them.
+pub(crate) fn solve(scenes: &[&Observations], start: [f64; N], free: &[bool; N]) -> Option<[f64; N]> {
     let (mut theta, mut damping) = (start, 1e-3);
-    let mut at = normal(scenes, &theta);
+    let mut at = normal(scenes, &theta, free);
     // Layouts that do not determine a parameter do not do so where the search begins either.
     eliminate(at.matrix, at.gradient)?;
     for _ in 0..STEPS {
@@ -81,7 +101,7 @@ pub(crate) fn solve(scenes: &[&Observations], start: [f64; N]) -> Option<[f64; N
         // A weight that vanishes has no slope any more.
         let Some(step) = eliminate(damped, at.gradient) else { break };
         let next: [f64; N] = std::array::from_fn(|k| theta[k] - step[k]);
-        let there = normal(scenes, &next);
+        let there = normal(scenes, &next, free);
         if there.cost < at.cost {
             let gained = at.cost - there.cost;
             (theta, damping) = (next, damping * 0.1);

@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 
+use super::problem::Problem;
 use super::reference::Reference;
 use crate::Result;
 use crate::scene::camera::{Intrinsics, Pose};
@@ -26,15 +27,12 @@ const ONE_BY_ONE: usize = 64;
 ///
 /// # Errors
 /// Where the device fails.
-pub(super) fn aim(
-    reference: &Reference,
-    geometry: &SceneGeometry,
-    intrinsics: &Intrinsics,
-    poses: &mut [Pose],
-) -> Result<usize> {
+pub(super) fn aim(reference: &Reference, problem: &Problem<'_>, poses: &mut [Pose]) -> Result<usize> {
+    let geometry = &*problem.geometry;
     let to_internal = geometry.to_internal;
     let mut internal: Vec<Pose> = poses.iter().map(|pose| to_internal.pose(pose)).collect();
-    let turned: Vec<Option<Pose>> = internal.iter().map(|pose| toward_surface(geometry, intrinsics, pose)).collect();
+    let turned: Vec<Option<Pose>> =
+        internal.iter().enumerate().map(|(j, pose)| toward_surface(geometry, &problem.lens_of(j), pose)).collect();
     let wanted: Vec<usize> = (0..poses.len()).filter(|i| turned[*i].is_some()).collect();
     if wanted.is_empty() {
         return Ok(0);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::config::Config;
+use super::config::{Config, Preset};
 use super::pipeline::expected_beside;
 use super::preparation::Preparation;
 use super::problem::Problem;
@@ -115,7 +115,7 @@ impl Advice {
         let enough = Enough {
             more: config.views,
             gain_db,
-            gain_sd_db: Fitted::embedded().spread(gain_db),
+            gain_sd_db: Fitted::embedded(config.preset == Preset::Object).spread(gain_db),
             unseen: before.unseen,
             over_own_db,
             weak: weak(&points, &errors, radius, cameras),

@@ -130,7 +130,7 @@ pub fn run(
     if let Some(reference) = reference {
         reference.guard(&mut outcome)?;
         if problem.target.limits.space.is_some() {
-            aim(&reference, &scene.geometry, &problem.lens, &mut outcome.poses)?;
+            aim(&reference, problem, &mut outcome.poses)?;
         }
         let points = problem.held_out(&config);
         prediction = Some(reference.prediction(&problem.cameras(&outcome.poses), &positions(&points))?);
@@ -149,7 +149,7 @@ pub fn run(
         && expected.db == 0.0
         && began_from.as_ref() == Some(&expected.against)
     {
-        let least = Fitted::embedded().spread(0.0);
+        let least = Fitted::embedded(config.preset == Preset::Object).spread(0.0);
         expected.reason = Some(format!(
             "the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
         ));

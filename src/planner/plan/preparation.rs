@@ -56,7 +56,7 @@ impl Preparation {
         footprint::check_counts(&settings, &config, context)?;
         let kept = problem.kept.iter().map(|camera| splat(camera, &problem.geometry));
         let mut start: Vec<CameraState> =
-            kept.chain(start::splats(&config, &problem.geometry, &problem.lens)).collect();
+            kept.chain(start::splats(&config, &problem.geometry, |j| problem.lens_of(j))).collect();
         let objective = prepare(&config, &mut start)?;
         settings.round_length = objective.round_length();
         if settings.round_length > 0 {

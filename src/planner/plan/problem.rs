@@ -22,8 +22,10 @@ pub struct Problem<'p> {
     pub target: &'p Target,
     /// These in the planner's frame.
     pub geometry: Arc<SceneGeometry>,
-    /// What all planned cameras share.
+    /// Of all planned cameras that `lenses` does not name, and of viewers that have none of their own.
     pub lens: Intrinsics,
+    /// Of the first planned cameras, where these have others.
+    pub lenses: Vec<Intrinsics>,
     /// Cameras that exist already, in the user's world: they count, and never move.
     pub kept: &'p [Camera],
 }
@@ -34,7 +36,12 @@ impl<'p> Problem<'p> {
     /// # Errors
     /// Where region and limits leave no free space, or the surface cannot be represented.
     pub fn new(target: &'p Target, lens: Intrinsics, kept: &'p [Camera]) -> Result<Self> {
-        Ok(Self { target, geometry: Arc::new(target.geometry()?), lens, kept })
+        Ok(Self { target, geometry: Arc::new(target.geometry()?), lens, lenses: Vec::new(), kept })
+    }
+
+    /// The lens of planned camera `j`.
+    pub fn lens_of(&self, j: usize) -> Intrinsics {
+        self.lenses.get(j).copied().unwrap_or(self.lens)
     }
 
     /// The scene on a device.
@@ -61,7 +68,7 @@ impl<'p> Problem<'p> {
             while stems.contains(&name) {
                 name = format!("planned_{name}");
             }
-            Camera { name, pose: *pose, intrinsics: self.lens }
+            Camera { name, pose: *pose, intrinsics: self.lens_of(i) }
         });
         planned.chain(self.kept.iter().cloned()).collect()
     }

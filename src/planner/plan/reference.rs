@@ -15,7 +15,7 @@ use super::start::tangents;
 use super::{reachable, simple_layouts};
 use crate::engine::vulkan::Context;
 use crate::planner::quality::expected::{Expectation, Judge};
-use crate::planner::quality::law::{Fitted, Law};
+use crate::planner::quality::law::Fitted;
 use crate::planner::quality::look::Surroundings;
 use crate::planner::quality::map::{ErrorMap, error_map};
 use crate::planner::quality::viewers::Viewers;
@@ -54,7 +54,9 @@ pub struct Reference<'a> {
     judge: Judge<'a>,
     scene: &'a DeviceScene,
     around: Surroundings,
-    intrinsics: Intrinsics,
+    law: Fitted,
+    /// Of planned cameras; the last applies to all that follow.
+    lenses: Vec<Intrinsics>,
     kept: Vec<Camera>,
     links: Option<Links>,
     /// At least one, as [`simple_layouts::layouts`] gives them.
@@ -85,13 +87,15 @@ impl<'a> Reference<'a> {
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
         let viewers = config.viewers.sample(&scene.geometry, *intrinsics, inward, seed, VIEWERS)?;
-        let law = Law::embedded();
+        let fitted = Fitted::embedded(inward);
+        let law = fitted.law();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let links = config.of_quality().and_then(|own| Links::of(own, &target.proxy, &scene.geometry, config.seed));
-        let (intrinsics, mine) = (*intrinsics, kept.to_vec());
-        let mut reference = Self { judge, scene, around, intrinsics, kept: mine, links, layouts: Vec::new() };
+        let lenses = [&problem.lenses[..], &[*intrinsics]].concat();
+        let (mine, layouts) = (kept.to_vec(), Vec::new());
+        let mut reference = Self { judge, scene, around, law: fitted, lenses, kept: mine, links, layouts };
         for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {
             let poses = reference.best_way(&fewer, ways, go_on)?;
             Error::unless_stopped(go_on())?;
@@ -129,11 +133,19 @@ impl<'a> Reference<'a> {
         Ok(ways.swap_remove(best.1))
     }
 
+    /// The lenses of planned cameras, without an end.
+    fn lenses(&self) -> impl Iterator<Item = Intrinsics> {
+        (0..).map(|j: usize| self.lenses[j.min(self.lenses.len() - 1)])
+    }
+
     /// Cameras at poses in the planner's frame, and those kept, in the user's world.
     fn cameras(&self, poses: &[Pose]) -> Vec<Camera> {
         let back = self.scene.geometry.to_internal.inverse();
-        let planned =
-            poses.iter().map(|pose| Camera { name: String::new(), pose: back.pose(pose), intrinsics: self.intrinsics });
+        let planned = poses.iter().zip(self.lenses()).map(|(pose, intrinsics)| Camera {
+            name: String::new(),
+            pose: back.pose(pose),
+            intrinsics,
+        });
         planned.chain(self.kept.iter().cloned()).collect()
     }
 
@@ -166,8 +178,8 @@ impl<'a> Reference<'a> {
         let Some(links) = &self.links else { return poses.clone() };
         let placed = |camera: &Camera| (geometry.to_internal.pose(&camera.pose), splat(camera, geometry));
         let kept: Vec<_> = self.kept.iter().map(placed).collect();
-        let lens = tangents(&self.intrinsics);
-        links.begun(&geometry.bvh, &kept, lens, poses, |position| geometry.settle(position))
+        let lenses: Vec<[f32; 2]> = self.lenses().take(poses.len()).map(|lens| tangents(&lens)).collect();
+        links.begun(&geometry.bvh, &kept, &lenses, poses, |position| geometry.settle(position))
     }
 
     /// Sizes of the groups of cameras that connect, kept ones and `poses` in the planner's frame, the largest first; none where no
@@ -196,7 +208,7 @@ impl<'a> Reference<'a> {
         let Some(best) = best_of(self.layouts.iter().filter(connects)) else { return Ok(expectation) };
         // Cameras that both keep make neither better.
         let all = planned.len() + self.kept.len();
-        let margin = Fitted::embedded().spread(0.0) * planned.len() as f64 / all.max(1) as f64;
+        let margin = self.law.spread(0.0) * planned.len() as f64 / all.max(1) as f64;
         let better = expectation.error_db + margin <= best.expectation.error_db && whole(&planned);
         if better || outcome.status != Status::Complete {
             return Ok(expectation);
@@ -215,7 +227,7 @@ impl<'a> Reference<'a> {
     /// Where the device fails.
     pub fn prediction(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Prediction> {
         let expectation = self.judge.expect(cameras)?;
-        let map = error_map(&self.judge, &self.scene.geometry, self.around, &Law::embedded(), cameras, points)?;
+        let map = error_map(&self.judge, &self.scene.geometry, self.around, &self.law.law(), cameras, points)?;
         Ok(Prediction { expected: self.compare(&expectation), map })
     }
 
@@ -223,7 +235,7 @@ impl<'a> Reference<'a> {
     pub fn compare(&self, expectation: &Expectation) -> Expected {
         let best = self.best();
         let db = best.expectation.error_db - expectation.error_db;
-        let (sd, against) = (Fitted::embedded().spread(db), best.name.clone());
+        let (sd, against) = (self.law.spread(db), best.name.clone());
         Expected { db, sd, unseen: expectation.unseen, against, reason: None }
     }
 }

@@ -23,10 +23,10 @@ pub fn tangents(intrinsics: &Intrinsics) -> [f32; 2] {
 
 /// Start poses of `config.views` splats in the planner's frame: for an object uniform on a sphere (or in the box) and
 /// looking in, for a room uniform in free space with uniform directions.
-pub fn splats(config: &Config, scene: &SceneGeometry, intrinsics: &Intrinsics) -> Vec<CameraState> {
-    let [tan_x, tan_y] = tangents(intrinsics);
+pub fn splats(config: &Config, scene: &SceneGeometry, lens_of: impl Fn(usize) -> Intrinsics) -> Vec<CameraState> {
     (0..config.views)
         .map(|j| {
+            let [tan_x, tan_y] = tangents(&lens_of(j as usize));
             let (position, direction) = pose(config, scene, j);
             let (centre, direction) = (position.as_vec3().to_array(), direction.as_vec3().normalize().to_array());
             CameraState { centre, direction, tan_x, tan_y }

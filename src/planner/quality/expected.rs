@@ -27,7 +27,7 @@ crate::gpu_struct! {
 crate::gpu_struct! {
     /// What a viewer is expected to see.
     pub(crate) struct ViewerError {
-        /// Weighted sum of exp(law) over all looks, over their number.
+        /// Weighted sum of the errors of all looks, over their number.
         pub error: f32,
         /// Looks that show the surface.
         pub shown: u32,
@@ -191,7 +191,7 @@ impl<'a> Judge<'a> {
         Ok(aggregate(&self.viewer_errors.download::<ViewerError>(self.viewers.len())?))
     }
 
-    /// Expected errors by look of the cameras judged last: exp(law), negative where no view sees the point, zero where the
+    /// Expected errors by look of the cameras judged last, negative where no view sees the point, zero where the
     /// look shows no surface.
     ///
     /// # Errors
@@ -244,14 +244,14 @@ pub fn expect(
         let mut viewer_error = ViewerError::default();
         let (mut sum, mut looked) = (0.0, 0);
         for pixel in 0..LOOKS {
-            let look = caster.look(index, &viewer, place(seed, index, pixel, SIDE));
+            let look = caster.look(&viewer, place(seed, index, pixel, SIDE));
             if look.distance > 0.0 {
                 let found = nearest_cameras(&geometry.bvh, &look, &views);
                 let surface = u32::from(look.normal != [0.0; 3]);
                 looked += 1;
                 viewer_error.shown += surface;
                 viewer_error.unseen += surface * u32::from(found.is_empty());
-                sum += f64::from(look.weight) * law.log_error(&found, f64::from(look.distance)).exp();
+                sum += f64::from(look.weight) * law.error(&found, f64::from(look.footprint));
             }
             looks.push(look);
         }

@@ -1,10 +1,12 @@
 //! The law of expected error: what splats will get wrong at a look, from the views nearest to it.
 //!
 //! For a pixel of a viewer that shows surface point p from direction d and distance D, let g1 <= g2 <= g3 be the angles at p
-//! between d and the directions of the training views that see p (2 rad where there are fewer), and r the distance of the nearest
-//! of them over D: `log e^2 = a + b1 g1 + b3 g3 + c max(ln r, 0)`, where `a` is the material's, the texture's
-//! and the light's alone. A pixel beside an object looks at the empty place where its ray passes the object's middle, by the same law
-//! at a small weight. `lab/quality_fit` makes the coefficients, `law.json` has them, and docs/results/objects.md the measurements.
+//! between d and the directions of the training views that see p (2 rad where there are fewer), and r the footprint of the nearest
+//! one's pixels at p (distance over focal length in pixels) over that of the viewer's. With `z = b1 g1 + b3 g3 + c max(ln r, 0)`, the
+//! error is `e^2 = exp(a) / (exp(-z) + exp(-m))`, where `a` is the material's, the texture's and the light's alone: it rises by `z`
+//! and ends at `m`, since what is not known at all is not worse than that. A pixel beside an object looks at the empty place where its
+//! ray passes the object's middle, by the same law at a small weight. `lab/quality_fit` makes the coefficients, `law_of_objects.json`
+//! and `law_of_rooms.json` have them, and docs/results/law.md the measurements.
 
 use std::path::Path;
 
@@ -16,8 +18,11 @@ use crate::{Error, Result};
 
 /// Views at least this far from a viewer's direction, in radians, count as none.
 pub(crate) const FARTHEST: f64 = look::FARTHEST;
-/// The file that is built in, as `camsplat quality fit` writes it.
-const EMBEDDED: &str = include_str!("law.json");
+/// The files that are built in, as `camsplat quality fit` writes them: of objects, and of rooms.
+const OBJECTS: &str = include_str!("law_of_objects.json");
+const ROOMS: &str = include_str!("law_of_rooms.json");
+/// Where a law without an end ends: its exponential is the last but a few that single precision holds.
+pub(crate) const NO_END: f64 = 80.0;
 
 /// A view of the point of a look.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,51 +33,59 @@ pub struct Near {
     pub direction: DVec3,
     /// Distance of the view.
     pub distance: f64,
+    /// Of the view's pixels at the point: distance over focal length in pixels.
+    pub footprint: f64,
     /// Which view.
     pub view: u32,
 }
 
 crate::gpu_struct! {
-    /// The law as the device has it (`shared/law.glsl`): the logarithm of the squared error of trained splats at a look, beside
-    /// what the material itself makes of it.
+    /// The law as the device has it (`shared/law.glsl`): the squared error of trained splats at a look over that of a look from where a
+    /// camera stands.
     pub struct Law {
         /// By the angle of the first, second and third nearest view that sees the point, in radians.
         pub angle: [f32; 3],
-        /// By the logarithm of the nearest one's distance over the viewer's, where it is farther away.
+        /// By the logarithm of the nearest one's footprint over the viewer's, where it is larger.
         pub farther: f32,
         /// Weight of a look beside the surface of an object, where splats must leave nothing.
         pub background: f32,
+        /// Logarithm of the error of what no view shows, where it ends.
+        pub most: f32,
         /// Unused.
         pub spare0: f32,
         /// Unused.
         pub spare1: f32,
-        /// Unused.
-        pub spare2: f32,
     }
 }
 
 impl Law {
-    /// The one that is built in.
-    pub fn embedded() -> Self {
-        Fitted::embedded().law()
+    /// The one that is built in, of objects or of rooms.
+    pub fn embedded(object: bool) -> Self {
+        Fitted::embedded(object).law()
     }
 
-    /// Logarithm of the squared error at a look at `distance` whose nearest views are these, beside what the material makes
-    /// of it.
-    pub fn log_error(&self, found: &[Near], distance: f64) -> f64 {
+    /// Squared error at a look whose viewer has pixels of this footprint and whose nearest views are these, over that of a look from
+    /// where a camera stands.
+    pub fn error(&self, found: &[Near], footprint: f64) -> f64 {
         let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost);
-        let log_ratio = found.first().map_or(0.0, |near| (near.distance / distance).ln());
+        let log_ratio = found.first().map_or(0.0, |near| (near.footprint / footprint).ln());
         self.of([angle(0), angle(1), angle(2)], log_ratio)
     }
 
-    /// The same by the angles of the three nearest views and the logarithm of the nearest one's distance over the viewer's.
+    /// The same by the angles of the three nearest views and the logarithm of the nearest one's footprint over the viewer's.
     pub fn of(&self, angles: [f64; 3], log_ratio: f64) -> f64 {
         let by_angle: f64 = (0..3).map(|k| f64::from(self.angle[k]) * angles[k]).sum();
-        by_angle + f64::from(self.farther) * log_ratio.max(0.0)
+        let rise = by_angle + f64::from(self.farther) * log_ratio.max(0.0);
+        1.0 / ((-rise).exp() + f64::from(-self.most).exp())
+    }
+
+    /// How fast an error rises with the sum that it rises by.
+    pub fn slope(&self, error: f64) -> f64 {
+        error * (1.0 - error * f64::from(-self.most).exp())
     }
 }
 
-/// A fitted law, and what it was fitted to: the contents of `law.json`.
+/// A fitted law, and what it was fitted to: the contents of a law's file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fitted {
@@ -80,16 +93,18 @@ pub struct Fitted {
     pub nearest: f64,
     /// `b3`, for a radian of the third nearest one's. The second adds nothing to the two.
     pub third: f64,
-    /// `c`, by the logarithm of the nearest one's distance over the viewer's.
+    /// `c`, by the logarithm of the nearest one's footprint over the viewer's.
     pub farther: f64,
+    /// `m`, where it ends; none where it rises without an end.
+    pub most: Option<f64>,
     /// Weight of a look beside the surface of an object.
     pub background: f64,
     /// Standard deviation in decibels of the trained difference of two layouts about the expected one: of layouts that are expected
     /// to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
     pub spread: [f64; 2],
-    /// Standard deviations of `nearest`, `third`, `farther` and of the logarithm of `background`, by leaving out one scene at a time;
-    /// none of fewer than three scenes.
-    pub deviation: Option<[f64; 4]>,
+    /// Standard deviations of `nearest`, `third`, `farther`, of the logarithm of `background` and of `most`, by leaving out one scene at a
+    /// time; none of fewer than three scenes.
+    pub deviation: Option<[f64; 5]>,
     /// Scenes it was fitted to.
     pub scenes: Vec<String>,
     /// Scenes it was only compared with.
@@ -99,10 +114,11 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    /// The one that is built in.
-    pub fn embedded() -> Self {
-        // The text is a constant of this crate, and a test parses it: what cannot be parsed does not ship.
-        Self::parse(Path::new("law.json"), EMBEDDED).expect("the built-in law.json is tested to parse")
+    /// The one that is built in, of objects or of rooms.
+    pub fn embedded(object: bool) -> Self {
+        let text = if object { OBJECTS } else { ROOMS };
+        // The texts are constants of this crate, and a test parses them: what cannot be parsed does not ship.
+        Self::parse(Path::new("the built-in law"), text).expect("the built-in laws are tested to parse")
     }
 
     /// Reads what [`Fitted::text`] wrote.
@@ -135,10 +151,10 @@ impl Fitted {
             ("nearest", self.nearest),
             ("third", self.third),
             ("farther", self.farther),
+            ("most", self.most.unwrap_or(NO_END)),
             ("background", self.background),
         ];
-        // Without a weight beside it an object would be taken for a room.
-        let least = |name: &str| if name == "background" { 1e-6 } else { 0.0 };
+        let least = |name: &str| if name == "most" { 1e-6 } else { 0.0 };
         match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
             Some((name, value)) => Err(Error::request(format!(
                 "the law's coefficient {name:?} is {value}, and error must rise with angle and distance, and beside objects; train layouts that differ more"
@@ -151,7 +167,8 @@ impl Fitted {
     pub fn law(&self) -> Law {
         let [nearest, third, farther, background] =
             [self.nearest, self.third, self.farther, self.background].map(|value| value as f32);
-        Law { angle: [nearest, 0.0, third], farther, background, ..Law::default() }
+        let most = self.most.unwrap_or(NO_END) as f32;
+        Law { angle: [nearest, 0.0, third], farther, background, most, ..Law::default() }
     }
 
     /// Standard deviation of a difference that is expected to be `decibels`, in decibels.
@@ -166,9 +183,14 @@ mod tests {
 
     /// If this failed, every plan and score would end in a panic.
     #[test]
-    fn the_embedded_law_parses_and_is_written_as_it_was() {
-        let fitted = Fitted::parse(Path::new("law.json"), EMBEDDED).unwrap();
-        assert_eq!(fitted.text().unwrap(), EMBEDDED);
+    fn the_embedded_laws_parse_and_are_written_as_they_were() {
+        for (object, text) in [(true, OBJECTS), (false, ROOMS)] {
+            let fitted = Fitted::embedded(object);
+            assert_eq!(fitted.text().unwrap(), text);
+            // A weight beside the surface is an object's.
+            assert_eq!(fitted.background > 0.0, object);
+        }
+        let fitted = Fitted::embedded(true);
         let refused = Fitted { third: -0.1, ..fitted }.check().unwrap_err().to_string();
         assert!(refused.contains("\"third\" is -0.1"), "{refused}");
     }

@@ -18,20 +18,20 @@ crate::gpu_struct! {
     pub(crate) struct Viewer {
         /// Camera centre.
         pub position: [f32; 3],
-        /// Unused.
-        pub spare0: f32,
+        /// Focal length in pixels.
+        pub focal: f32,
         /// Ray through the image's top left corner.
         pub corner: [f32; 3],
         /// Unused.
-        pub spare1: f32,
+        pub spare0: f32,
         /// From there to the top right corner.
         pub across: [f32; 3],
         /// Unused.
-        pub spare2: f32,
+        pub spare1: f32,
         /// From there to the bottom left corner.
         pub along: [f32; 3],
         /// Unused.
-        pub spare3: f32,
+        pub spare2: f32,
     }
 }
 
@@ -45,8 +45,8 @@ crate::gpu_struct! {
         pub distance: f32,
         /// Unit direction from the point to the viewer.
         pub direction: [f32; 3],
-        /// The viewer, by its place in the pool.
-        pub viewer: u32,
+        /// Of the viewer's pixels at the point: distance over focal length in pixels.
+        pub footprint: f32,
         /// Unit normal of the surface on the viewer's side; zero in empty space.
         pub normal: [f32; 3],
         /// Of the look in its viewer's mean: 1 on the surface.
@@ -99,6 +99,7 @@ impl Viewer {
         let turned = |x: f64, y: f64, z: f64| (pose.rotation * DVec3::new(x, y, z)).as_vec3().to_array();
         Self {
             position: pose.position.as_vec3().to_array(),
+            focal: k.mean_focal() as f32,
             corner: turned(first.x, first.y, 1.0),
             across: turned(size.x / focal.x, 0.0, 0.0),
             along: turned(0.0, size.y / focal.y, 0.0),
@@ -158,10 +159,10 @@ impl<'a> Caster<'a> {
         Self { bvh: &geometry.bvh, around, slots }
     }
 
-    /// What the viewer in place `index` of its pool shows at image position (u, v). A look at distance 0 where it counts for
-    /// nothing: it is of the back of a disc, or beside the surface of a room.
-    pub fn look(&self, index: u32, viewer: &Viewer, at: [f32; 2]) -> Look {
-        let none = Look { viewer: index, ..Look::default() };
+    /// What the viewer shows at image position (u, v). A look at distance 0 where it counts for nothing: it is of the back of a disc,
+    /// or beside the surface of a room.
+    pub fn look(&self, viewer: &Viewer, at: [f32; 2]) -> Look {
+        let none = Look::default();
         let origin = Vec3::from(viewer.position);
         let ray = Vec3::from(viewer.corner) + at[0] * Vec3::from(viewer.across) + at[1] * Vec3::from(viewer.along);
         let direction = ray.normalize();
@@ -173,6 +174,7 @@ impl<'a> Caster<'a> {
             return Look {
                 position: (origin + along * direction).to_array(),
                 distance: along,
+                footprint: along / viewer.focal,
                 direction: (-direction).to_array(),
                 weight: self.around.background,
                 ..none
@@ -191,6 +193,7 @@ impl<'a> Caster<'a> {
         Look {
             position: (origin + hit.distance * direction + lift * normal).to_array(),
             distance: hit.distance,
+            footprint: hit.distance / viewer.focal,
             direction: (-direction).to_array(),
             normal: normal.to_array(),
             weight: 1.0,

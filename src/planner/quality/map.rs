@@ -117,12 +117,12 @@ pub(crate) fn error_map(
         let picture = mapped(&rows, |_, row| {
             let pixel = |column: u32| {
                 let place = [(column, size[0]), (*row, size[1])].map(|(at, all)| (at as f32 + 0.5) / all as f32);
-                let look = caster.look(0, &viewer, place);
+                let look = caster.look(&viewer, place);
                 if look.normal == [0.0; 3] {
                     return [200; 3];
                 }
                 let found = nearest_cameras(&geometry.bvh, &look, &views);
-                let db = against(law.log_error(&found, f64::from(look.distance)).exp());
+                let db = against(law.error(&found, f64::from(look.footprint)));
                 let facing = Vec3::from(look.normal).dot(Vec3::from(look.direction)).abs();
                 shaded(db, facing)
             };

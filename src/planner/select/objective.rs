@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
+use super::greedy::{Knowledge, grow};
 use super::sight::{Sight, sight_of};
 use crate::Result;
 use crate::engine::parallel::{in_parallel, with_scratch};
@@ -40,6 +41,8 @@ pub struct Objective {
     /// Looks that each photo sees, ascending.
     seen: Vec<Vec<u32>>,
     centres: Vec<Vec3>,
+    /// Of the photos, in pixels.
+    focals: Vec<f64>,
     law: Law,
     /// Per photo: what choosing it costs by itself (its lack of sharpness), in decibels.
     price: Vec<f64>,
@@ -51,7 +54,7 @@ struct Near {
     slot: u32,
     /// Angle at the point between photo and viewer.
     angle: f64,
-    /// Logarithm of the photo's distance over the viewer's.
+    /// Logarithm of the photo's footprint over the viewer's.
     log_ratio: f64,
 }
 
@@ -119,7 +122,9 @@ impl Objective {
         }
         let (sight, centres) = sight_of(context, scene, photos, &counted)?;
         let seen = sight.by_photo();
-        Ok(Self { looks: counted, viewers: ranges, sight, seen, centres, law, price: vec![0.0; photos.len()] })
+        let focals = photos.iter().map(|photo| photo.camera.intrinsics.mean_focal()).collect();
+        let price = vec![0.0; photos.len()];
+        Ok(Self { looks: counted, viewers: ranges, sight, seen, centres, focals, law, price })
     }
 
     /// The same with a price in decibels on each photo.
@@ -145,13 +150,14 @@ impl Objective {
         let ray = self.centres[photo].as_dvec3() - point;
         let distance = ray.length().max(1e-6);
         let angle = angle(to_viewer, ray / distance);
-        (angle < FARTHEST).then(|| Near { slot, angle, log_ratio: (distance / f64::from(of.distance)).ln() })
+        let footprint = distance / self.focals[photo];
+        (angle < FARTHEST).then(|| Near { slot, angle, log_ratio: (footprint / f64::from(of.footprint)).ln() })
     }
 
     /// Weighted error of a look by its three nearest.
     fn error(&self, look: usize, near: &[Near]) -> f64 {
-        let log_error = self.law.of(std::array::from_fn(|k| near[k].angle), near[0].log_ratio);
-        f64::from(self.looks[look].weight) * log_error.exp()
+        let error = self.law.of(std::array::from_fn(|k| near[k].angle), near[0].log_ratio);
+        f64::from(self.looks[look].weight) * error
     }
 
     fn state(&self, look: usize, chosen: &[usize]) -> State {
@@ -166,6 +172,14 @@ impl Objective {
         State { error: self.error(look, &near), near }
     }
 
+    /// The photos `chosen` and, of `free`, as many more as make `count`: one after another that which lowers the cost most.
+    ///
+    /// # Errors
+    /// None that greedy choices without a device have.
+    pub fn grown(&self, chosen: &[usize], free: &[usize], count: usize) -> Result<Vec<usize>> {
+        grow(&mut self.choose(&[]), chosen.to_vec(), free, count)
+    }
+
     /// These photos chosen, in slots of this order.
     pub fn choose(&self, photos: &[usize]) -> Choice<'_> {
         let mut states = vec![State { near: [NONE; KEPT], error: 0.0 }; self.looks.len()];
@@ -174,6 +188,43 @@ impl Objective {
             looks.zip(states).for_each(|(look, state)| *state = self.state(look, photos));
         });
         Choice { objective: self, chosen: photos.to_vec(), states, removals: OnceLock::new() }
+    }
+}
+
+/// One photo after another, the one first that lowers the cost most. The cost is nearly submodular, so that what a photo was worth is
+/// taken for a bound on what it is worth later.
+impl Knowledge for Choice<'_> {
+    fn worth(&mut self, photo: usize) -> Result<f64> {
+        let objective = self.objective;
+        let mut seen = objective.seen[photo].iter().map(|look| *look as usize).peekable();
+        let mut worth = 0.0;
+        for range in &objective.viewers {
+            let mut change = 0.0;
+            while let Some(look) = seen.next_if(|look| *look < range.end) {
+                let State { near, error } = &self.states[look];
+                if let Some(new) = objective.near(look, photo, u32::MAX - 1) {
+                    change += objective.error(look, &with(near, new)) - error;
+                }
+            }
+            if change != 0.0 {
+                let sum: f64 = self.states[range.clone()].iter().map(|state| state.error).sum();
+                worth -= (change / sum).ln_1p();
+            }
+        }
+        Ok(worth)
+    }
+
+    fn learn(&mut self, photo: usize) -> Result<()> {
+        let (objective, slot) = (self.objective, self.chosen.len() as u32);
+        for look in objective.seen[photo].iter().map(|look| *look as usize) {
+            if let Some(new) = objective.near(look, photo, slot) {
+                let near = with(&self.states[look].near, new);
+                self.states[look] = State { error: objective.error(look, &near), near };
+            }
+        }
+        self.chosen.push(photo);
+        self.removals.take();
+        Ok(())
     }
 }
 

@@ -203,7 +203,7 @@ impl<'a> SelectionContext<'a> {
     /// So many viewers with what they look at.
     fn judge(&self, viewers: &Viewers, seed: u64, count: u32) -> Result<Judge<'_>> {
         let inward = self.request.preset == Preset::Object;
-        let (geometry, law) = (&self.scene.geometry, Law::embedded());
+        let (geometry, law) = (&self.scene.geometry, Law::embedded(inward));
         // A pool to choose from has photos.
         let intrinsics = self.set.photos[0].camera.intrinsics;
         let viewers = viewers.sample(geometry, intrinsics, inward, seed, count)?;
@@ -269,7 +269,7 @@ impl<'a> SelectionContext<'a> {
         let judge = self.judge(&judges, request.seed ^ JUDGE_SEED, JUDGES)?;
         let simple = self.simple(&pool, &planned, &judge)?;
         let looked_at = self.judge(&viewers, request.seed, VIEWERS)?;
-        let law = Law::embedded();
+        let law = Law::embedded(request.preset == Preset::Object);
         let plain = Objective::new(
             &self.context,
             &self.scene,
@@ -297,7 +297,7 @@ impl<'a> SelectionContext<'a> {
         let db = others.map_or(0.0, |best| best.expectation.error_db - expectation.error_db);
         let expected = Expected {
             db,
-            sd: Fitted::embedded().spread(db),
+            sd: Fitted::embedded(request.preset == Preset::Object).spread(db),
             unseen: expectation.unseen,
             against: others.map_or("", |best| best.method.name()).into(),
             reason: None,

@@ -28,7 +28,13 @@ pub struct Scene {
 impl Scene {
     /// What is to be planned there, beside cameras that are kept.
     pub fn problem<'s>(&'s self, kept: &'s [Camera]) -> Problem<'s> {
-        Problem { target: &self.target, geometry: self.device.geometry.clone(), lens: intrinsics(), kept }
+        Problem {
+            target: &self.target,
+            geometry: self.device.geometry.clone(),
+            lens: intrinsics(),
+            lenses: Vec::new(),
+            kept,
+        }
     }
 }
 

@@ -17,7 +17,7 @@ layout(push_constant) uniform Push {
 
 // Of a viewer.
 struct ViewerError {
-    float error;   // weighted sum of exp(law) over all looks, over their number
+    float error;   // weighted sum of the errors of all looks, over their number
     uint shown;    // looks that show the surface
     uint unseen;   // of these, looks whose point no view sees
     float spare0;
@@ -65,9 +65,9 @@ void main() {
             vec3 n;
             float d;
             view_cost(found[0].view, look, FARTHEST, n, d);
-            log_ratio = log(d / look.distance);
+            log_ratio = log(d / (cameras[found[0].view].focal * look.footprint));
         }
-        error = look.weight * exp(law_at(law[0], angles, log_ratio));
+        error = look.weight * law_error(law[0], angles, log_ratio);
         // Looks, those of the surface, and those of its points that no view sees: eight bits each.
         count = look.normal == vec3(0.0) ? 1u : (have > 0 ? 0x101u : 0x10101u);
     }

@@ -22,13 +22,13 @@ layout(push_constant) uniform Push {
 // A pinhole camera: the ray through image position (u, v) runs along corner + u across + v along.
 struct Viewer {
     vec3 position;
-    float spare0;
+    float focal;  // in pixels
     vec3 corner;
-    float spare1;
+    float spare0;
     vec3 across;
-    float spare2;
+    float spare1;
     vec3 along;
-    float spare3;
+    float spare2;
 };
 
 layout(binding = 0, std430) readonly buffer Nodes { Node nodes[]; };
@@ -49,7 +49,7 @@ void main() {
     vec2 at = (vec2(pixel % side, pixel / side % side) + jitter) / float(side);
     Viewer viewer = viewers[index];
     vec3 direction = normalize(viewer.corner + at.x * viewer.across + at.y * viewer.along);
-    Look look = Look(vec3(0.0), 0.0, vec3(0.0), index, vec3(0.0), 0.0);
+    Look look = Look(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
     uint slot;
     float t = trace_slot(viewer.position, direction, 0.0, MISS, false, slot);
     if (t < MISS) {
@@ -82,5 +82,6 @@ void main() {
             look.weight = background;
         }
     }
+    look.footprint = look.distance / viewer.focal;
     looks[i] = look;
 }

@@ -157,27 +157,27 @@ impl Links {
         Some(scratch.iter().map(|(cost, _)| cost).sum::<f32>() / least as f32)
     }
 
-    /// Where cameras that are linked to kept ones begin, for `poses` in the planner's frame that they would have otherwise: what shares
-    /// nothing with a kept camera would be pulled nowhere, so each begins on the way from the kept one that is nearest, as far along as
-    /// the two connect. `settled` brings a position to where cameras can be.
+    /// Where cameras that are linked to kept ones begin, for `poses` in the planner's frame that they would have otherwise, each with the
+    /// tangents of half the fields of view of its lens: what shares nothing with a kept camera would be pulled nowhere, so each begins on
+    /// the way from the kept one that is nearest, as far along as the two connect. `settled` brings a position to where cameras can be.
     pub(in crate::planner::plan) fn begun(
         &self,
         bvh: &Bvh,
         kept: &[(Pose, CameraState)],
-        lens: [f32; 2],
+        lenses: &[[f32; 2]],
         poses: &[Pose],
         settled: impl Fn(DVec3) -> DVec3 + Sync,
     ) -> Vec<Pose> {
         if !self.direct || kept.is_empty() {
             return poses.to_vec();
         }
-        let sight = |pose: &Pose| {
-            let mut splat = CameraState { tan_x: lens[0], tan_y: lens[1], ..CameraState::default() };
+        let sight = |[tan_x, tan_y]: [f32; 2], pose: &Pose| {
+            let mut splat = CameraState { tan_x, tan_y, ..CameraState::default() };
             splat.place(pose);
             self.sight(bvh, &splat)
         };
         let sights = mapped(kept, |_, (_, splat)| self.sight(bvh, splat));
-        mapped(poses, |_, pose| {
+        mapped(poses, |j, pose| {
             let away = |from: &Pose| from.position.distance(pose.position) * (2.0 - from.forward().dot(pose.forward()));
             let all = kept.iter().map(|(from, _)| from);
             let Some(from) = all.min_by(|a, b| away(a).total_cmp(&away(b))) else { return *pose };
@@ -186,7 +186,7 @@ impl Links {
                 rotation: from.rotation.slerp(pose.rotation, part),
             };
             let joined = |pose: &Pose| {
-                let sight = sight(pose);
+                let sight = sight(lenses[j], pose);
                 sights.iter().any(|kept| self.join(kept, &sight))
             };
             let ways = BEGUN.map(along);

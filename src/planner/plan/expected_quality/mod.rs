@@ -48,6 +48,9 @@ struct Quality {
     /// What looks are drawn from, and what they take of the surface.
     viewers: Vec<Viewer>,
     around: Surroundings,
+    law: Law,
+    /// Of the cameras, kept ones first, in pixels.
+    focals: Vec<f32>,
     /// Threads of a look.
     lanes: u32,
     /// Which cameras are neighbours, where they are to connect.
@@ -86,6 +89,9 @@ pub(super) fn prepare(
         gate_softness: config.gate_softness,
         link_angle: own.connect.unwrap_or(0.0).to_radians(),
     };
+    let law = Law::embedded(config.preset == Preset::Object);
+    let lenses = problem.kept.iter().map(|camera| camera.intrinsics);
+    let lenses = lenses.chain((0..).map(|j| problem.lens_of(j))).take(start.len());
     Ok(Arc::new(Quality {
         settings,
         gate: config.gate,
@@ -93,7 +99,9 @@ pub(super) fn prepare(
         seed: (config.seed ^ (config.seed >> 32)) as u32,
         points,
         viewers,
-        around: Surroundings::new(geometry, proxy.sphere, config.preset == Preset::Object, &Law::embedded()),
+        around: Surroundings::new(geometry, proxy.sphere, config.preset == Preset::Object, &law),
+        law,
+        focals: lenses.map(|lens| lens.mean_focal() as f32).collect(),
         lanes: lanes(context.physical()),
         links,
     }))
@@ -128,6 +136,7 @@ impl Objective for Quality {
             ("looks", of(size_of::<Look>(), drawn)),
             ("errors", 4 * looks),
             ("viewer arrivals", 4 * viewers),
+            ("focals", 4 * splats),
             ("anchor starts", 4 * starts),
             ("anchors", of(size_of::<Anchor>(), anchors)),
         ]
@@ -147,9 +156,21 @@ impl Objective for Quality {
 impl Preparation {
     /// The same run with several threads to a look, or one, instead of what suits the device; as it is where another objective is minimised.
     pub fn with_shared_looks(self, context: &Context, shared: bool) -> Self {
+        self.changed(context, |own| Quality { lanes: if shared { TOGETHER } else { 1 }, ..own })
+    }
+
+    /// The same run by a law of one's own; as it is where another objective is minimised.
+    pub fn with_law(self, context: &Context, law: Law) -> Self {
+        let of_looks = |around: Surroundings| Surroundings {
+            background: if around.background > 0.0 { law.background } else { 0.0 },
+            ..around
+        };
+        self.changed(context, |own| Quality { law, around: of_looks(own.around), ..own })
+    }
+
+    fn changed(self, context: &Context, change: impl FnOnce(Quality) -> Quality) -> Self {
         let objective: &dyn std::any::Any = &*self.objective;
-        let Some(own) = objective.downcast_ref::<Quality>() else { return self };
-        let changed = Arc::new(Quality { lanes: if shared { TOGETHER } else { 1 }, ..own.clone() });
-        self.with_objective(context, changed)
+        let Some(own) = objective.downcast_ref::<Quality>().cloned() else { return self };
+        self.with_objective(context, Arc::new(change(own)))
     }
 }

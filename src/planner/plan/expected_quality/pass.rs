@@ -16,7 +16,6 @@ use crate::planner::plan::reachable::reachable;
 use crate::planner::plan::shared::{CameraState, Control, Gradient, Moments, Record, Settings};
 use crate::planner::plan::update::{UpdateConstants, update_threads};
 use crate::planner::quality::expected::{LOOKS, SIDE};
-use crate::planner::quality::law::Law;
 use crate::planner::quality::look::{Look, LookPush, LookStage, Viewer};
 use crate::visibility::bvh::TraversalConstants;
 use crate::visibility::device_scene::{DeviceRegion, DeviceScene};
@@ -43,6 +42,7 @@ pub struct QualityPass {
     quality: Buffer,
     viewers: Buffer,
     looks: Buffer,
+    focals: Buffer,
     errors: Buffer,
     losses: Buffer,
     arrivals: Buffer,
@@ -85,7 +85,8 @@ impl QualityPass {
             errors: buffer("errors")?,
             losses: buffer("viewer losses")?,
             arrivals: buffer("viewer arrivals")?,
-            law: Buffer::from_slice(context, "law", &[Law::embedded()])?,
+            law: Buffer::from_slice(context, "law", &[quality.law])?,
+            focals: Buffer::from_slice(context, "focals", &quality.focals)?,
             push: quality.around.push(quality.viewers.len() as u32, quality.settings.viewers, SIDE, quality.seed),
             links: quality.links.clone(),
             kept: OnceLock::new(),
@@ -154,6 +155,7 @@ impl QualityPass {
                     viewer_losses: &self.losses,
                     errors: &self.errors,
                     arrivals: &self.arrivals,
+                    focals: &self.focals,
                 },
             )
             .push(&ViewedPush { first_look: nth * looks })

@@ -48,7 +48,7 @@ crate::stage!(
     /// Loss and gradient partials: a workgroup per look of the iteration, or a thread.
     pub(crate) ViewedStage = viewed<ViewedConstants>(ViewedPush) {
         read quality, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
-        write partials, write viewer_losses, write errors, write arrivals,
+        write partials, write viewer_losses, write errors, write arrivals, read focals,
     } with [QualitySettings, Control, CameraState, Node, Look, Law, Gradient, ViewerLoss]
 );
 
@@ -98,6 +98,8 @@ pub struct Cameras<'a> {
     pub splats: &'a [(DVec3, DVec3)],
     /// Tangents of half the fields of view (horizontal, vertical) of each; the last applies to all that follow.
     pub tangents: &'a [[f64; 2]],
+    /// Focal lengths in pixels of each; the last applies to all that follow.
+    pub focals: &'a [f64],
 }
 
 impl Cameras<'_> {
@@ -122,7 +124,8 @@ pub fn viewed(cameras: &Cameras<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Ex
             .iter()
             .map(|look| {
                 let views = cameras.splats.iter().enumerate().filter_map(|(j, (centre, direction))| {
-                    let mut near = toward(look, j as u32, *centre)?;
+                    let focal = cameras.focals.get(j).or(cameras.focals.last()).copied()?;
+                    let mut near = toward(look, j as u32, *centre, focal)?;
                     let open = cameras.gate(j, -near.direction, *direction).0;
                     near.cost -= turn * open.ln();
                     (open > MIN_OPEN).then_some(near)
@@ -130,14 +133,14 @@ pub fn viewed(cameras: &Cameras<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Ex
                 nearest(bvh, look, views)
             })
             .collect();
-        let error = |(look, found): (&&Look, &Vec<_>)| {
-            f64::from(look.weight) * law.log_error(found, f64::from(look.distance)).exp()
-        };
+        let error =
+            |(look, found): (&&Look, &Vec<_>)| f64::from(look.weight) * law.error(found, f64::from(look.footprint));
         let errors: Vec<f64> = shown.iter().zip(&found).map(error).collect();
         let total: f64 = errors.iter().sum();
         expected.loss += (total / shown.len() as f64).ln() / viewers.len() as f64;
         for ((look, found), error) in shown.iter().zip(&found).zip(&errors) {
-            let weight = error / (total * viewers.len() as f64);
+            let of_look = f64::from(look.weight);
+            let weight = of_look * law.slope(error / of_look) / (total * viewers.len() as f64);
             let [_, to_viewer, _] = vectors(look);
             for (k, near) in found.iter().enumerate() {
                 let (n, d, j) = (near.direction, near.distance, near.view as usize);
@@ -146,7 +149,7 @@ pub fn viewed(cameras: &Cameras<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Ex
                 let sine = (1.0 - to_viewer.dot(n).powi(2)).max(1e-8).sqrt();
                 let by_n = by_cost * (turn * by_view - to_viewer / sine);
                 expected.by_centre[j] += (by_n - by_n.dot(n) * n) / d;
-                if k == 0 && d > f64::from(look.distance) {
+                if k == 0 && near.footprint > f64::from(look.footprint) {
                     expected.by_centre[j] += weight * f64::from(law.farther) / d * n;
                 }
                 expected.by_direction[j] -= by_cost * turn * by_turn;
@@ -178,15 +181,18 @@ mod tests {
         let geometry = SceneGeometry::new(&proxy, &region).unwrap();
         let intrinsics = Intrinsics::from_fov(600, 400, 60f64.to_radians());
         let viewers = Viewers::Region.sample(&geometry, intrinsics, false, 1, 6).unwrap();
-        let law = Law { angle: [0.9, 0.2, 0.4], farther: 0.5, background: 0.3, ..Law::default() };
+        // With an end that the errors of most looks are near to, and with lenses that see finer than viewers do, or coarser.
+        let law = Law { angle: [1.8, 0.4, 0.8], farther: 1.0, background: 0.3, most: 4.0, ..Law::default() };
         let around = Surroundings::new(&geometry, proxy.sphere, true, &law);
         let (looks, _) = expect(&geometry, around, &viewers, &[], &law, 3);
+        let focals: Vec<f64> = (0..12).map(|j| intrinsics.mean_focal() * (0.5 + 0.1 * f64::from(j))).collect();
         for softness in [0.05f32, 0.3] {
             let poses = layouts::random(&geometry.free, 12, 7, false);
             let splats: Vec<_> = poses.iter().map(|pose| (pose.position, pose.forward())).collect();
             let loss = |splats: &[(DVec3, DVec3)]| {
                 let gate_softness = f64::from(softness);
-                let cameras = Cameras { gate: Gate::Pinhole, gate_softness, splats, tangents: &[[0.6, 0.4]] };
+                let tangents = &[[0.6, 0.4]];
+                let cameras = Cameras { gate: Gate::Pinhole, gate_softness, splats, tangents, focals: &focals };
                 viewed(&cameras, &looks, &geometry.bvh, &law)
             };
             let exact = loss(&splats);

@@ -33,6 +33,7 @@ layout(binding = 8, std430) writeonly buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer ViewerLosses { ViewerLoss viewer_losses[]; };
 layout(binding = 10, std430) buffer Errors { uint errors[]; };  // by look, as bits; 0: counts for nothing; negative: beside the surface
 layout(binding = 11, std430) buffer Arrivals { uint arrivals[]; };  // workgroups of a viewer that are done
+layout(binding = 12, std430) readonly buffer Focals { float focals[]; };  // of the splats, in pixels
 #include "shared/traverse.glsl"
 
 QualitySettings q;
@@ -107,11 +108,13 @@ void main() {
         have = LANES == 1 ? nearest_views(look, control[0].live, found) : nearest_together(look, lane, control[0].live, found);
     }
     vec3 n[3], costs = vec3(FARTHEST);
-    float d[3], log_ratio = 0.0, error = 0.0;
+    float d[3], log_ratio = 0.0, error = 0.0, slope = 0.0;
     if (looks_at) {
         for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, FARTHEST, n[k], d[k]);
-        if (have > 0) log_ratio = log(d[0] / look.distance);
-        error = look.weight * exp(law_at(law[0], costs, log_ratio));
+        if (have > 0) log_ratio = log(d[0] / (focals[found[0].view] * look.footprint));
+        error = law_error(law[0], costs, log_ratio);
+        slope = look.weight * law_slope(law[0], error);
+        error *= look.weight;
     }
     if (lane == 0) put(errors[place], look.normal == vec3(0.0) ? -error : error);
     float turn = TURN * q.gate_softness;
@@ -120,12 +123,12 @@ void main() {
         slots[record] = k < have ? found[k].view : NONE;
         if (k >= have) continue;
         Gate g = gate(-n[k], splats[found[k].view], q.gate_softness);
-        float by_cost = error * law[0].angle[k];
+        float by_cost = slope * law[0].angle[k];
         // By the unit direction n: of the angle, whose chord is 2 sin(angle/2), and of the turn, whose gate looks along -n.
         float cosine = clamp(dot(look.direction, n[k]), -1.0, 1.0), sine = sqrt(max(1.0 - cosine * cosine, 1e-8));
         vec3 by_n = by_cost * (-look.direction / sine + turn * g.by_view);
         Gradient grad = Gradient((by_n - dot(by_n, n[k]) * n[k]) / d[k], 0.0, -by_cost * turn * g.by_direction, 0.0);
-        if (k == 0 && log_ratio > 0.0) grad.centre += error * law[0].farther / d[k] * n[k];
+        if (k == 0 && log_ratio > 0.0) grad.centre += slope * law[0].farther / d[k] * n[k];
         partials[record] = grad;
     }
     if (is_last(viewer, thread)) tally(viewer, thread, float(q.viewers));
