@@ -45,7 +45,11 @@ pub enum Method {
     Acp,
     /// Fisher information about a trained model.
     Fisher,
-    /// The same with a model that is trained on.
+    /// The same by D-optimality.
+    PopD,
+    /// The same by T-optimality.
+    PopT,
+    /// As the first with a model that is trained on.
     FisherRetrain,
     /// What a trained model shows from directions not seen yet.
     Cover,
@@ -79,7 +83,7 @@ const CHOOSES: [bool; 2] = [false, true];
 const BOTH: [bool; 2] = [true, true];
 
 /// The table, in the order of the help.
-pub const METHODS: [Entry; 21] = [
+pub const METHODS: [Entry; 23] = [
     Entry {
         alias: Some("swap"),
         ..entry(
@@ -154,6 +158,8 @@ pub const METHODS: [Entry; 21] = [
         "Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)",
     ),
     entry(Method::Fisher, "fisherrf", BOTH, "Greedy on the Fisher information about a trained model (FisherRF)"),
+    entry(Method::PopD, "pop-d", BOTH, "As fisherrf, by the determinant of the information (POp-GS, D-optimality)"),
+    entry(Method::PopT, "pop-t", BOTH, "As fisherrf, by the trace of the information (POp-GS, T-optimality)"),
     entry(
         Method::FisherRetrain,
         "fisherrf-retrain",
@@ -205,7 +211,7 @@ impl Method {
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(self) -> bool {
-        matches!(self, Self::Fisher | Self::Cover | Self::Manifold)
+        matches!(self, Self::Fisher | Self::PopD | Self::PopT | Self::Cover | Self::Manifold)
     }
 
     /// Whether it takes photographs of the views that it chooses, while it chooses.

@@ -18,6 +18,8 @@ layout(push_constant) uniform Push {
     uint learn;
     // Added to what is known.
     float lambda;
+    // Which sum over parameters a view is worth.
+    uint criterion;
 };
 
 layout(binding = 0, std430) readonly buffer Views { View views[]; };
@@ -29,10 +31,17 @@ layout(binding = 4, std430) restrict buffer Known { float known[]; };
 // What the view is worth for each Gaussian.
 layout(binding = 5, std430) writeonly buffer Scores { float scores[]; };
 
+const uint RATIO = 0;  // of what the view adds over what is known (FisherRF)
+const uint DETERMINANT = 1;  // the rise of its logarithm, of a diagonal matrix (D-optimality)
+const uint TRACE = 2;  // its rise (T-optimality)
+
 float worth(uint plane, uint i, float information) {
     uint at = plane * stride + i;
     if (learn != 0) known[at] += information;
-    return learn != 0 ? 0.0 : information / (known[at] + lambda);
+    if (learn != 0) return 0.0;
+    if (criterion == TRACE) return information;
+    float ratio = information / (known[at] + lambda);
+    return criterion == DETERMINANT ? log(1.0 + ratio) : ratio;
 }
 
 void main() {

@@ -28,8 +28,8 @@ pub struct BaselineOptions {
     /// How to place the cameras
     #[arg(long, value_parser = method_parser(|entry| entry.places), default_value = "ours")]
     pub method: Method,
-    /// Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage: 2000; acp: 1000; fisherrf, cover:
-    /// 300, or three per view]
+    /// Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp: 1000;
+    /// fisherrf, pop-d, pop-t, cover: 300, or three per view]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
     /// Nodes of the grid along a side [acp; default: 32]

@@ -19,7 +19,9 @@ impl Method {
             Self::FvsShared | Self::Coverage | Self::Greedy => 2000,
             Self::Acp => 1000,
             // Few, since each renders a model; as many as there are views would leave no choice.
-            Self::Fisher | Self::FisherRetrain | Self::Cover => views.saturating_mul(3).max(300),
+            Self::Fisher | Self::PopD | Self::PopT | Self::FisherRetrain | Self::Cover => {
+                views.saturating_mul(3).max(300)
+            }
             _ => return None,
         };
         Some(usual.max(views))
@@ -47,7 +49,7 @@ pub struct BaselineRequest {
     /// Of [`Method::Acp`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acp: Option<acp::AcpSettings>,
-    /// Of [`Method::Fisher`] and [`Method::Cover`].
+    /// Of [`Method::Fisher`], its other criteria, and [`Method::Cover`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model_based: Option<information::InformationSettings>,
     /// Of [`Method::FisherRetrain`].
@@ -109,8 +111,12 @@ impl BaselineRequest {
             held_out: config.held_out,
             viewers: config.viewers.clone(),
             acp: (method == Method::Acp).then(acp::AcpSettings::default),
-            model_based: matches!(method, Method::Fisher | Method::Cover)
-                .then(information::InformationSettings::default),
+            model_based: matches!(method, Method::Fisher | Method::PopD | Method::PopT | Method::Cover).then(|| {
+                information::InformationSettings {
+                    criterion: method.criterion(),
+                    ..information::InformationSettings::default()
+                }
+            }),
             retraining: (method == Method::FisherRetrain).then(retrained::RetrainingSettings::default),
             manifold: (method == Method::Manifold).then(manifold::ManifoldSettings::default),
             model: None,
@@ -128,7 +134,7 @@ mod tests {
     fn candidates_outnumber_views() {
         let of =
             |method, views| BaselineRequest::new(method, None, &Config::new(Preset::Room, views)).unwrap().candidates;
-        for method in [Method::Fisher, Method::FisherRetrain, Method::Cover] {
+        for method in [Method::Fisher, Method::PopD, Method::FisherRetrain, Method::Cover] {
             assert_eq!([50, 100, 300].map(|views| of(method, views)), [Some(300), Some(300), Some(900)]);
         }
         assert_eq!([300, 20_000].map(|views| of(Method::Fvs, views)), [Some(10_000), Some(20_000)]);

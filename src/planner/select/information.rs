@@ -1,5 +1,6 @@
 //! Choosing by a model of the scene: FisherRF (Jiang, Lei and Daniilidis, "FisherRF: Active View Selection and Uncertainty
-//! Quantification for Radiance Fields using Fisher Information", 2024) and COVER, on one fixed model.
+//! Quantification for Radiance Fields using Fisher Information", 2024), the criteria of optimal design (Wilson et al., "POp-GS", 2025) and
+//! COVER, on one fixed model.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use super::pool::Pool;
 use crate::engine::vulkan::Context;
 use crate::scene::gaussians::Gaussians;
 use crate::splats::uncertainty::cover::Cover;
-use crate::splats::uncertainty::fisher::Fisher;
+use crate::splats::uncertainty::fisher::{Criterion, Fisher};
 use crate::{Error, Result};
 
 /// Trained splats of the scene, in the photos' world.
@@ -32,16 +33,19 @@ pub struct InformationSettings {
     pub lambda: f32,
     /// Views by farthest view sampling to begin with, where there are none.
     pub first: u32,
+    /// What Fisher information is compared by.
+    #[serde(default, skip_serializing_if = "Criterion::is_usual")]
+    pub criterion: Criterion,
 }
 
 impl Default for InformationSettings {
     fn default() -> Self {
-        Self { lambda: 1e-6, first: 4 }
+        Self { lambda: 1e-6, first: 4, criterion: Criterion::Ratio }
     }
 }
 
 /// FisherRF: after the photos that are chosen in any case, or else a few by farthest view sampling, always the one whose Fisher
-/// information is largest beside that of those chosen. Lenses count as pinholes.
+/// information is worth most beside that of those chosen, by the criterion. Lenses count as pinholes.
 ///
 /// # Errors
 /// A model that none of the photos shows, or a device that fails.
@@ -52,9 +56,9 @@ pub fn fisher(
     settings: InformationSettings,
 ) -> Result<Vec<usize>> {
     let Model { path, gaussians, antialiased } = model;
-    let InformationSettings { lambda, first } = settings;
+    let InformationSettings { lambda, first, criterion } = settings;
     let cameras = pool.set.cameras();
-    let mut fisher = Fisher::new(context, gaussians.clone(), &cameras, *antialiased, lambda)?;
+    let mut fisher = Fisher::new(context, gaussians.clone(), &cameras, *antialiased, lambda)?.by(criterion);
     choose(&mut fisher, pool, path, first)
 }
 

@@ -52,7 +52,7 @@ pub struct RetrainingSettings {
 
 impl Default for RetrainingSettings {
     fn default() -> Self {
-        let information::InformationSettings { lambda, first } = information::InformationSettings::default();
+        let information::InformationSettings { lambda, first, .. } = information::InformationSettings::default();
         Self {
             lambda,
             first,

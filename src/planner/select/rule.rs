@@ -13,6 +13,7 @@ use crate::planner::methods::Method;
 use crate::scene::camera::Pose;
 use crate::scene::layouts;
 use crate::scene::proxy::Proxy;
+use crate::splats::uncertainty::fisher::Criterion;
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
 
@@ -73,11 +74,24 @@ impl Method {
             Self::FvsShared => Rule::Farthest(Distance::Shared),
             Self::Coverage => Rule::Coverage,
             Self::Acp => Rule::Acp(acp::AcpSettings::default()),
-            Self::Fisher => Rule::Fisher(information::InformationSettings::default()),
+            Self::Fisher | Self::PopD | Self::PopT => {
+                Rule::Fisher(information::InformationSettings { criterion: self.criterion(), ..Default::default() })
+            }
             Self::FisherRetrain => Rule::FisherRetrain(retrained::RetrainingSettings::default()),
             Self::Cover => Rule::Cover(information::InformationSettings::default()),
             _ => return None,
         })
+    }
+}
+
+impl Method {
+    /// What it compares information by, where it does.
+    pub(crate) fn criterion(self) -> Criterion {
+        match self {
+            Self::PopD => Criterion::Determinant,
+            Self::PopT => Criterion::Trace,
+            _ => Criterion::Ratio,
+        }
     }
 }
 
@@ -120,7 +134,14 @@ impl Rule {
             Self::Farthest(distance) => Ok(pool.farthest(distance)),
             Self::Coverage => Ok(pool.coverage()),
             Self::Acp(settings) => acp::choose(pool, settings, settings.occlusion.then_some(geometry)),
-            Self::Fisher(settings) => information::fisher(context, pool, model("fisherrf")?, settings),
+            Self::Fisher(settings) => {
+                let method = match settings.criterion {
+                    Criterion::Ratio => Method::Fisher,
+                    Criterion::Determinant => Method::PopD,
+                    Criterion::Trace => Method::PopT,
+                };
+                information::fisher(context, pool, model(method.name())?, settings)
+            }
             Self::FisherRetrain(settings) => retrained::fisher(context, pool, proxy, settings, photograph),
             Self::Cover(settings) => information::cover(context, pool, model("cover")?, settings),
         }

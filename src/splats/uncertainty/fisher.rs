@@ -8,8 +8,10 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::engine::primitives::{Count, Operation, Reduce};
-use crate::engine::vulkan::shaders::glsl::splats::fisher as glsl;
+use crate::engine::vulkan::shaders::glsl::splats::{fisher as glsl, fisher_score as glsl_score};
 use crate::engine::vulkan::stage::GroupConstants;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::scene::camera::Camera;
@@ -52,7 +54,22 @@ crate::gpu_struct! {
         pub learn: u32,
         /// Added to what is known.
         pub lambda: f32,
+        /// Which [`Criterion`] a view is worth.
+        pub criterion: u32,
     }
+}
+
+/// What information is summed up to, by which views are compared; the information is a diagonal matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Criterion {
+    /// `sum of H_k / (known_k + lambda)` (FisherRF).
+    #[default]
+    Ratio = glsl_score::RATIO as isize,
+    /// The rise of the logarithm of the determinant, `sum of ln(1 + H_k / (known_k + lambda))` (D-optimality).
+    Determinant = glsl_score::DETERMINANT as isize,
+    /// The rise of the trace, `sum of H_k` (T-optimality): whatever is known.
+    Trace = glsl_score::TRACE as isize,
 }
 
 crate::stage!(
@@ -86,6 +103,13 @@ const FORMS: u64 = glsl::FORMS as u64;
 /// Values of a Gaussian that a view leaves.
 const VALUES: u64 = 9;
 
+impl Criterion {
+    /// Whether it is the default.
+    pub fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 /// A model, its candidate views, and the information from views already taken.
 pub struct Fisher {
     context: Arc<Context>,
@@ -105,6 +129,7 @@ pub struct Fisher {
     /// The score.
     results: Buffer,
     lambda: f32,
+    criterion: Criterion,
     /// Bytes of these that may still be kept: half of what was free at first.
     spare: u64,
 }
@@ -197,10 +222,16 @@ impl Fisher {
             renderer,
             sizes,
             lambda,
+            criterion: Criterion::Ratio,
         })
     }
 
-    /// What the view is worth: the sum over parameters of `H_k / (known_k + lambda)`.
+    /// The same by another criterion than [`Criterion::Ratio`].
+    pub fn by(self, criterion: Criterion) -> Self {
+        Self { criterion, ..self }
+    }
+
+    /// What the view is worth, by the criterion.
     ///
     /// # Errors
     /// Where the device fails or has not enough memory, or there is no such view.
@@ -233,7 +264,8 @@ impl Fisher {
         let squares = kept.map_or_else(|| self.observe(view), Ok)?;
         let Renderer { model, degree, .. } = &self.renderer;
         let (stride, learn) = (model.stride, u32::from(learn));
-        let push = ScorePush { stride, view: view as u32, degree: *degree, learn, lambda: self.lambda };
+        let (lambda, criterion) = (self.lambda, self.criterion as u32);
+        let push = ScorePush { stride, view: view as u32, degree: *degree, learn, lambda, criterion };
         let mut commands = Recorder::new(&self.context)?;
         commands
             .stage(

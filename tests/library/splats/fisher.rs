@@ -9,7 +9,7 @@ use camsplat::splats::render::frame::Frame;
 use camsplat::splats::render::layout;
 use camsplat::splats::twin::{self, Rules};
 use camsplat::splats::uncertainty::cover::{Cover, bins};
-use camsplat::splats::uncertainty::fisher::Fisher;
+use camsplat::splats::uncertainty::fisher::{Criterion, Fisher};
 use glam::DVec3;
 
 const LAMBDA: f32 = 1e-6;
@@ -87,6 +87,15 @@ fn what_a_view_is_worth_is_its_information_over_what_is_known() -> Result<()> {
         assert_eq!(got, fisher.worth(view)?);
     }
     assert!(fisher.worth(5).is_err());
+    // The rises of the determinant's logarithm and of the trace of a diagonal matrix.
+    let logs = |h: f64, known: f64| (h + known + 1e-2).ln() - (known + 1e-2).ln();
+    for (criterion, by) in [(Criterion::Determinant, &logs as &dyn Fn(f64, f64) -> f64), (Criterion::Trace, &|h, _| h)]
+    {
+        fisher = fisher.by(criterion);
+        let want: f64 = of(2).iter().zip(&known).map(|(h, known)| by(*h, *known)).sum();
+        let got = fisher.worth(2)?;
+        assert!((got - want).abs() <= 1e-3 * want, "{criterion:?}: {got}, not {want}");
+    }
     silent(&context);
     Ok(())
 }
