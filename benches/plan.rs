@@ -96,7 +96,8 @@ impl Scene {
     /// A planner that never halts by itself within a benchmark, after a few iterations.
     fn planner(&self, context: &Arc<Context>, config: Config, warm: u32) -> Result<Planner> {
         let geometry = self.device.geometry.clone();
-        let problem = Problem { target: &self.target, geometry, lens: intrinsics(), lenses: Vec::new(), kept: &[] };
+        let (lens, lenses) = (intrinsics(), Vec::new());
+        let problem = Problem { target: &self.target, geometry, lens, lenses, viewers_lens: lens, kept: &[] };
         let preparation = Preparation::new(context, &problem, config)?;
         let planner = Planner::new(context, &self.device, preparation)?;
         let mut commands = Recorder::new(context)?;

@@ -205,7 +205,8 @@ struct Run {
 fn run(context: &Arc<Context>, scene: &Scene, config: Config) -> Result<Run> {
     let points = scene.target.proxy.sample(config.held_out as usize, 1000 + config.seed, 1);
     let geometry = scene.device.geometry.clone();
-    let problem = Problem { target: &scene.target, geometry, lens: intrinsics(), kept: &[] };
+    let (lens, lenses) = (intrinsics(), Vec::new());
+    let problem = Problem { target: &scene.target, geometry, lens, lenses, viewers_lens: lens, kept: &[] };
     let preparation = Preparation::new(context, &problem, config)?;
     let (_, outcome) = optimise(context, &scene.device, preparation, None, |_, _| ControlFlow::Continue(()))?;
     let scores = Scorer::new(context, &scene.device, &points)?.score(&cameras(&outcome.poses), Field::Cone)?;

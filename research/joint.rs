@@ -42,7 +42,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &[x0, y0, z0, x1, y1, z1] => {
             (Preset::Room, Some(Shape::Box { min: DVec3::new(x0, y0, z0), max: DVec3::new(x1, y1, z1) }))
         }
-        _ => (Preset::Object, None),
+        [] if shape == "object" => (Preset::Object, None),
+        _ => return Err(format!("{shape} is no box and not \"object\"").into()),
     };
     let viewers = match heights.first().map(|text| numbers(text)).transpose()?.as_deref() {
         Some(&[low, high]) => Viewers::Heights { low, high },

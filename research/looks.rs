@@ -1,5 +1,5 @@
 //! What laws of expected error are made of, for cameras of any kind: at 16 x 16 pixels of each test view, the angles of the nearest and of
-//! the third nearest camera that sees the point, and how much farther away the nearest is.
+//! the third nearest camera that sees the point, and how much larger the nearest one's pixels are there.
 //!
 //! ```text
 //! cargo run --release --example looks -- SURFACE X0,Y0,Z0,X1,Y1,Z1|object TESTS OUT CAMERAS...
@@ -7,7 +7,7 @@
 //!
 //! TESTS and CAMERAS are plan.json, transforms.json or folders of these. Writes OUT.json (where the pixels of each test view end, which are
 //! beside the object, and the number of cameras of each layout) and OUT.f32: layout by layout and pixel by pixel the two angles in radians
-//! (2 where there is none) and the logarithm of the distance over the viewer's, not below 0.
+//! (2 where there is none) and the logarithm of its pixels' footprint over that of the viewer's, not below 0.
 
 use std::fs;
 use std::path::Path;

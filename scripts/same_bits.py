@@ -66,8 +66,8 @@ def steps(data):
     yield "adc", f"{train} --strategy adc --sh 1"
     yield "fox", f"plan {fox} --out {{OUT}} {QUICK} --views 6 --iterations 60"
     yield "fox-paper", f"plan {fox} --out {{OUT}} {QUICK} --views 6 --iterations 60 {PAPER}"
-    for method in "ours assigned nearest fvs coverage acp fisherrf cover".split():
-        model = " --model {mcmc}/point_cloud.ply" if method in ("fisherrf", "cover") else ""
+    for method in "ours assigned nearest fvs coverage acp fisherrf pop-d pop-t cover".split():
+        model = " --model {mcmc}/point_cloud.ply" if method in ("fisherrf", "pop-d", "pop-t", "cover") else ""
         yield f"select-{method}", f"select {{capture}} --count 6 --out {{OUT}} --method {method} --seed 4{model}"
     yield "evaluate", f"evaluate {car} --out {{OUT}} --quick --budgets 6 --seeds 1 --tests 4 --methods random,ours,paper-no-vds,paper-iterative"
 

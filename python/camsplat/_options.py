@@ -103,11 +103,11 @@ class PlanOptions(TypedDict, total=False):
     renderdoc: File
     """Capture one iteration with RenderDoc into FILE_*.rdc"""
 
-    method: Literal["ours", "paper", "paper-no-vds", "paper-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "greedy", "acp", "fisherrf", "fisherrf-retrain", "cover", "manifold"]
+    method: Literal["ours", "paper", "paper-no-vds", "paper-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "greedy", "acp", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover", "manifold"]
     """How to place the cameras"""
 
     candidates: int
-    """Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage: 2000; acp: 1000; fisherrf, cover: 300, or three per view]"""
+    """Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp: 1000; fisherrf, pop-d, pop-t, cover: 300, or three per view]"""
 
     nodes: int
     """Nodes of the grid along a side [acp; default: 32]"""
@@ -336,7 +336,7 @@ class SelectOptions(TypedDict, total=False):
     size: tuple[int, int]
     """Image size in pixels, for a file of poses without lenses"""
 
-    method: Literal["ours", "assigned", "nearest", "random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "fisherrf", "fisherrf-retrain", "cover"]
+    method: Literal["ours", "assigned", "nearest", "random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover"]
     """How to choose"""
 
     model: File
@@ -534,7 +534,7 @@ class EvaluateOptions(TypedDict, total=False):
     """Samples per pixel of the test views, whose noise limits every score [default: as --spp]"""
 
     inputs: int
-    """Input photos: the surface, its scores and the model of fisherrf and cover are made from them; they are not trained on [default: 10; rooms 30]"""
+    """Input photos: the surface, its scores and the model of methods that need one are made from them; they are not trained on [default: 10; rooms 30]"""
 
     inputs_from: Literal["uniform", "random", "biased"]
     """Where around an object the input photos are taken [default: uniform]"""

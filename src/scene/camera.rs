@@ -19,6 +19,13 @@ pub struct Intrinsics {
     pub principal: [f64; 2],
 }
 
+/// The lens in the middle of those of cameras, by field of view; none of none.
+pub fn middle_lens(cameras: &[Camera]) -> Option<Intrinsics> {
+    let mut lenses: Vec<&Intrinsics> = cameras.iter().map(|camera| &camera.intrinsics).collect();
+    lenses.sort_by(|a, b| a.fov()[0].total_cmp(&b.fov()[0]));
+    lenses.get(lenses.len() / 2).map(|lens| **lens)
+}
+
 impl Intrinsics {
     /// Square pixels and a centred principal point, from the image size and the horizontal field of view in radians.
     pub fn from_fov(width: u32, height: u32, fov_x: f64) -> Self {
@@ -68,9 +75,10 @@ impl Intrinsics {
         [full(self.width, self.focal[0], self.principal[0]), full(self.height, self.focal[1], self.principal[1])]
     }
 
-    /// Focal length in pixels, the mean of the two axes.
-    pub fn mean_focal(&self) -> f64 {
-        0.5 * (self.focal[0] + self.focal[1])
+    /// Tangent of half the wider field of view.
+    pub fn widest(&self) -> f64 {
+        let [x, y] = self.fov();
+        (0.5 * x.max(y)).tan()
     }
 
     /// Full angle in radians of the widest cone about the optical axis that lies inside the image.

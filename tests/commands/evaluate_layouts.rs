@@ -32,6 +32,19 @@ fn cameras_of_a_file_are_a_method() {
     assert!(place.read("o/report.html").contains("cameras:mine.json"));
     assert!(place.read("o/table.md").contains("cameras:FILE are where the file has them"));
     assert!(results["runs"][1]["seconds"].is_null() && results["runs"][0]["seconds"].is_f64(), "no time to choose");
+    // Their own lenses, where these are asked for, at the size of all pictures; tests keep the lens of all methods.
+    place.done(&tiny("own=lenses:mine.json", "own"));
+    let camera = |name: &str, begins: &str| -> Value {
+        let files = place.files("own").into_iter().filter(|file| file.ends_with(name));
+        let cameras = files.map(|file| serde_json::from_str::<Value>(&place.read(&format!("own/{file}"))).unwrap());
+        let cameras = cameras.flat_map(|read| read["cameras"].as_array().unwrap().clone());
+        cameras.into_iter().find(|camera| camera["name"].as_str().unwrap().starts_with(begins)).unwrap()
+    };
+    assert!(place.read("own/table.md").contains("lenses:FILE with the lenses of the file"));
+    let [planned, photo, test] =
+        [("plan.json", "0000"), ("capture.json", "0000"), ("capture.json", "half_")].map(|(a, b)| camera(a, b));
+    assert_eq!((&planned["intrinsics"]["height"], &planned["intrinsics"]), (&json!(36), &photo["intrinsics"]));
+    assert_eq!((&planned["intrinsics"]["focal"], &test["intrinsics"]["height"]), (&json!([22.5, 22.5]), &json!(48)));
     // As many as they are alone, whatever else is requested, and chosen once for all seeds.
     let forget = || fs::remove_file(place.path("o/results.json")).unwrap();
     forget();

@@ -1,10 +1,10 @@
-// The law of expected error (twin: src/planner/quality/law.rs): the squared error of trained splats at a look over that of a look
-// from where a camera stands, from the angles and footprints of the nearest views that see the point.
+// The law of expected error (twin: src/planner/quality/law.rs): the squared error of trained splats at a look, beside what the material
+// itself makes of it, from the angles of the nearest views that see the point and the footprint of the nearest one's picture.
 struct Law {
     vec3 angle;        // by the angle of the first, second and third nearest view, in radians
     float farther;     // by the logarithm of the nearest one's footprint over the viewer's, where it is larger
     float background;  // weight of a look beside the surface of an object
-    float most;        // logarithm of the error of what no view shows, where it ends
+    float most;        // logarithm of the error that it never reaches
     float spare0;
     float spare1;
 };

@@ -4,7 +4,7 @@ struct Look {
     vec3 position;   // of the surface point, lifted off the surface on the viewer's side
     float distance;  // from there to the viewer; 0 where the look counts for nothing
     vec3 direction;  // unit, from the point to the viewer
-    float footprint; // of the viewer's pixel at the point: distance over focal length in pixels
+    float footprint; // of the viewer's picture at the point: distance times the tangent of half its wider field of view
     vec3 normal;     // unit, of the surface on the viewer's side; zero in empty space
     float weight;    // of the look in its viewer's mean: 1 on the surface
 };

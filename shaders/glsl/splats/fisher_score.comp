@@ -41,7 +41,9 @@ float worth(uint plane, uint i, float information) {
     if (learn != 0) return 0.0;
     if (criterion == TRACE) return information;
     float ratio = information / (known[at] + lambda);
-    return criterion == DETERMINANT ? log(1.0 + ratio) : ratio;
+    if (criterion != DETERMINANT) return ratio;
+    // The series where the logarithm of a number near one would lose what counts.
+    return ratio < 0.01 ? ratio * (1.0 - ratio * (0.5 - ratio / 3.0)) : log(1.0 + ratio);
 }
 
 void main() {

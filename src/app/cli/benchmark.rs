@@ -10,6 +10,7 @@ use crate::app::report;
 use crate::files::io::folder::write_files;
 use crate::lab::benchmark::board::{self, Table};
 use crate::lab::benchmark::{BenchmarkScene, Split, scenes};
+use crate::lab::evaluate::given::Given;
 use crate::{Error, Result};
 
 /// Arguments of `camsplat benchmark`.
@@ -26,7 +27,7 @@ pub struct Arguments {
     /// Some of the scenes, by name
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     scenes: Vec<String>,
-    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE for one of your own [default: random, fvs, acp, ours; quick: random, fvs, ours]
+    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE or NAME=lenses:FILE for one of your own [default: random, fvs, acp, ours; quick: random, fvs, ours]
     #[arg(long, value_name = "NAMES")]
     methods: Option<String>,
     /// Numbers of views [default: 20,50,100,200,300; quick: 20; rooms 30]
@@ -130,9 +131,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let all = scenes()?;
     let chosen = arguments.chosen(&all)?;
     let methods = arguments.methods.as_deref().unwrap_or_default().split(',');
-    if let Some(same) =
-        methods.filter(|_| chosen.len() > 1).find(|name| name.contains("cameras:") && !name.contains("{scene}"))
-    {
+    let of_one = |name: &&str| matches!(Given::parse(name), Some(Ok(given)) if !given.of_each_scene());
+    if let Some(same) = methods.filter(|_| chosen.len() > 1).find(of_one) {
         let what = format!(
             "--methods {same}: these cameras stand in one scene; put {{scene}} into the file's name, or name one scene"
         );

@@ -12,7 +12,7 @@ use crate::files::io::photos::Images;
 use crate::photogrammetry::vds;
 use crate::planner::methods::{Entry, METHODS, Method};
 use crate::planner::select::information::Model;
-use crate::scene::camera::{Camera, Intrinsics};
+use crate::scene::camera::{Camera, Intrinsics, middle_lens};
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
 
@@ -141,11 +141,9 @@ impl CameraOptions {
         if let Some(fov) = self.fov.filter(|fov| !(*fov > 1.0 && *fov < 170.0)) {
             return Err(Error::request(format!("--fov is {fov}; give degrees between 1 and 170")));
         }
-        let mut lenses: Vec<&Intrinsics> = photos.iter().map(|camera| &camera.intrinsics).collect();
-        lenses.sort_by(|a, b| a.fov()[0].total_cmp(&b.fov()[0]));
-        let photo = lenses.get(lenses.len() / 2);
+        let photo = middle_lens(photos);
         let intrinsics = match (self.fov, self.size, photo) {
-            (None, None, Some(photo)) => **photo,
+            (None, None, Some(photo)) => photo,
             _ => {
                 let (width, height) = self.size.or(photo.map(|photo| (photo.width, photo.height))).unwrap_or(SIZE);
                 let fov = self.fov.map(f64::to_radians).or(photo.map(|photo| photo.fov()[0]));

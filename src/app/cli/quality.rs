@@ -122,10 +122,13 @@ fn print_law(law: &Fitted) {
     let Fitted { nearest, third, farther, most, background, spread: [alike, per], deviation, layouts, scenes, .. } =
         law;
     let beside = if *background > 0.0 { format!(", weight beside objects {background:.4}") } else { String::new() };
-    let end = most.map_or("without an end".into(), |most| format!("ending at {most:.2}"));
-    say!("law      z = {nearest:.3} g1 + {third:.3} g3 + {farther:.3} max(ln r, 0), {end}{beside}");
+    let ending = most.map_or("without an end".into(), |most| format!("ending at {most:.2}"));
+    say!("law      z = {nearest:.3} g1 + {third:.3} g3 + {farther:.3} max(ln r, 0), {ending}{beside}");
     if let Some([a, b, c, weight, end]) = deviation {
-        say!("sd       {a:.3}, {b:.3}, {c:.3}, of the end {end:.2}, of the weight {:.0}%", 100.0 * weight);
+        let of_end = most.map_or(String::new(), |_| format!(", of the end {end:.2}"));
+        let of_weight =
+            if *background > 0.0 { format!(", of the weight {:.0}%", 100.0 * weight) } else { String::new() };
+        say!("sd       {a:.3}, {b:.3}, {c:.3}{of_end}{of_weight}");
     }
     say!("spread   {alike:.2} dB of layouts that are expected to be alike, and {per:.2} for each decibel expected");
     say!("of       {layouts} layouts of {} scenes", scenes.len());

@@ -212,7 +212,7 @@ impl Site<'_> {
             }
             Placement::Level(layout) => layout(&geometry.free, views).iter().map(settled).collect(),
             Placement::Choice(rule) => self.choose(rule, outside)?,
-            Placement::Greedy => self.greedy()?,
+            Placement::Greedy => self.greedy(outside.go_on)?,
             Placement::Manifold(settings) => {
                 let missing = || Error::request("`method` manifold needs trained splats; give them with `model`");
                 let model = self.model.ok_or_else(missing)?;
@@ -224,18 +224,19 @@ impl Site<'_> {
 
     /// As many of the candidates as there are to be views, one after another the one that lowers most what viewers are expected to see
     /// of errors.
-    fn greedy(&self) -> Result<Vec<Pose>> {
+    fn greedy(&self, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Vec<Pose>> {
         let Self { context, problem, scene, candidates, request, .. } = *self;
         let (inward, seed) = (request.preset == Preset::Object, request.seed ^ VIEWER_SEED);
         let law = Law::embedded(inward);
         let around = Surroundings::new(&scene.geometry, problem.target.proxy.sphere, inward, &law);
-        let viewers = request.viewers.sample(&scene.geometry, problem.lens, inward, seed, VIEWERS)?;
+        let viewers = request.viewers.sample(&scene.geometry, problem.viewers_lens, inward, seed, VIEWERS)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let photos = &candidates.photos;
         let looked_at = Objective::new(context, scene, photos, judge.looks()?, judge.viewers().len(), law)?;
         let kept = problem.kept.len();
         let free: Vec<usize> = (kept..photos.len()).collect();
-        let chosen = looked_at.grown(&(0..kept).collect::<Vec<_>>(), &free, kept + request.views as usize)?;
+        let taken: Vec<usize> = (0..kept).collect();
+        let chosen = looked_at.grown(&taken, &free, kept + request.views as usize, go_on)?;
         Ok(chosen[kept..].iter().map(|photo| photos[*photo].camera.pose).collect())
     }
 

@@ -118,6 +118,11 @@ impl Given {
         (read.iter().map(|(pose, _)| *pose).collect(), lenses.collect())
     }
 
+    /// Whether its cameras have the lenses of the files.
+    pub fn has_own_lenses(&self) -> bool {
+        self.own_lenses
+    }
+
     /// Whether it has layouts of so many cameras.
     pub fn takes(&self, views: u32) -> bool {
         self.layouts.values().any(|poses| poses.len() == views as usize)

@@ -181,7 +181,7 @@ impl Trained {
 
 /// A layout's name: for a file of cameras its own name.
 fn label(method: &str) -> &str {
-    match method.strip_prefix("cameras:") {
+    match ["cameras:", "lenses:"].iter().find_map(|files| method.strip_prefix(files)) {
         Some(file) => Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file),
         None => method,
     }

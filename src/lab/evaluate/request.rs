@@ -189,8 +189,8 @@ impl EvaluationRequest {
         let of_one = |method: &&Competitor| matches!(method, Competitor::Cameras(given) if !given.of_each_scene());
         match self.methods.iter().find(of_one) {
             Some(method) if subjects > 1 => Err(Error::request(format!(
-                "method {method}: cameras stand around one scene, and there are {subjects}; give a file for each, as \
-                 cameras:{{scene}}.json, or evaluate that one by itself"
+                "method {method}: cameras stand around one scene, and there are {subjects}; give a file for each, with \
+                 {{scene}} in its name, or evaluate that one by itself"
             ))),
             _ => Ok(()),
         }

@@ -173,7 +173,7 @@ fn conditions(request: &EvaluationRequest) -> String {
     let settings = &request.settings;
     if request.kind == Kind::Pool {
         return format!(
-            "Methods chose among the photos of a pool that are not held out, fisherrf and cover by a model of {} of them; \
+            "Methods chose among the photos of a pool that are not held out, those that need a model by one of {} of them; \
              photos shrunk by {}",
             settings.inputs, settings.shrink
         );
@@ -224,13 +224,15 @@ fn conditions(request: &EvaluationRequest) -> String {
         true => ", cameras:FILE are where the file has them",
         false => "",
     };
+    let own_lenses = |method: &Competitor| matches!(method, Competitor::Cameras(given) if given.has_own_lenses());
+    let lenses = if request.methods.iter().any(own_lenses) { ", lenses:FILE with the lenses of the file" } else { "" };
     let looking = if request.viewers.is_default() { "" } else { ", test views from where `--viewers` says" };
     let tests = match &request.viewers {
         Viewers::Cameras(all) => settings.tests.min(all.len() as u32),
         _ => settings.tests,
     };
     format!(
-        "Methods chose on {shown}{region}{situation}{limits}{baselines}{given}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
+        "Methods chose on {shown}{region}{situation}{limits}{baselines}{given}{lenses}{looking}; pictures of {0} x {0} pixels with {1} samples, {2} test views a set{finer}",
         settings.size, settings.samples, tests
     )
 }

@@ -89,8 +89,9 @@ fn normal(scenes: &[&Observations], theta: &[f64; N], free: &[bool; N]) -> Norma
     all
 }
 
-/// The parameters of least squares, those that are not `free` as they start; none where the layouts do not determine them.
-pub(crate) fn solve(scenes: &[&Observations], start: [f64; N], free: &[bool; N]) -> Option<[f64; N]> {
+/// The parameters of least squares, those that are not `free` as they start, and the sum of squares; none where the layouts do not determine
+/// them.
+pub(crate) fn solve(scenes: &[&Observations], start: [f64; N], free: &[bool; N]) -> Option<([f64; N], f64)> {
     let (mut theta, mut damping) = (start, 1e-3);
     let mut at = normal(scenes, &theta, free);
     // Layouts that do not determine a parameter do not do so where the search begins either.
@@ -116,7 +117,7 @@ pub(crate) fn solve(scenes: &[&Observations], start: [f64; N], free: &[bool; N])
             damping *= 10.0;
         }
     }
-    theta.iter().all(|value| value.is_finite()).then_some(theta)
+    theta.iter().all(|value| value.is_finite()).then_some((theta, at.cost))
 }
 
 /// Solves linear equations with a symmetric positive matrix by elimination; none where it is singular.

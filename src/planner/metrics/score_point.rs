@@ -202,7 +202,7 @@ pub fn view(geometry: &SceneGeometry, camera: &Camera) -> View {
     let axis = |axis: DVec3, fov: f64| (rotation * axis / (0.5 * fov).tan()).as_vec3().to_array();
     View {
         position: pose.position.as_vec3().to_array(),
-        focal: intrinsics.mean_focal() as f32,
+        focal: (0.5 * (intrinsics.focal[0] + intrinsics.focal[1])) as f32,
         forward: pose.forward().as_vec3().to_array(),
         cone_cos: (0.5 * intrinsics.inscribed_cone()).cos() as f32,
         right: axis(DVec3::X, fov_x),

@@ -26,7 +26,7 @@ use crate::planner::metrics::{Metrics, PointMetrics};
 use crate::planner::quality::expected::Expectation;
 use crate::planner::quality::law::Fitted;
 use crate::planner::quality::map::ErrorMap;
-use crate::scene::camera::{Camera, Pose};
+use crate::scene::camera::{Camera, Intrinsics, Pose, middle_lens};
 use crate::scene::layouts;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::tour::{self, Tour};
@@ -368,9 +368,10 @@ pub fn score(
     kept: usize,
     config: &Config,
 ) -> Result<(Expected, Metrics)> {
-    let first = cameras.first().ok_or_else(|| Error::request("there are no cameras to score"))?;
-    let kept = &cameras[cameras.len() - kept.min(cameras.len() - 1)..];
-    let problem = Problem::new(target, first.intrinsics, kept)?;
+    let lens = middle_lens(cameras).ok_or_else(|| Error::request("there are no cameras to score"))?;
+    let (planned, kept) = cameras.split_at(cameras.len() - kept.min(cameras.len() - 1));
+    let lenses = planned.iter().map(|camera| camera.intrinsics).collect();
+    let problem = Problem { lenses, viewers_lens: lens, ..Problem::new(target, lens, kept)? };
     let scene = problem.on(context)?;
     let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
     let reference = Reference::new(context, &problem, &scene, config)?;
@@ -431,8 +432,9 @@ impl Plan {
         let map = self.geometry.to_internal;
         let places: Vec<DVec3> = cameras[..planned].iter().map(|camera| map.point(camera.pose.position)).collect();
         let found = Tour::new(&self.geometry.free, &places);
-        let poses: Vec<Pose> = found.order.iter().map(|i| cameras[*i].pose).collect();
-        cameras.iter_mut().zip(poses).for_each(|(camera, pose)| camera.pose = pose);
+        let sorted: Vec<(Pose, Intrinsics)> =
+            found.order.iter().map(|i| (cameras[*i].pose, cameras[*i].intrinsics)).collect();
+        cameras.iter_mut().zip(sorted).for_each(|(camera, sorted)| (camera.pose, camera.intrinsics) = sorted);
         let back = map.inverse();
         self.record.tour = Some(TourRecord {
             length: back.length(found.length()),

@@ -8,7 +8,7 @@ use super::config::Config;
 use super::target::Target;
 use crate::Result;
 use crate::engine::vulkan::Context;
-use crate::scene::camera::{Camera, Intrinsics, Pose};
+use crate::scene::camera::{Camera, Intrinsics, Pose, middle_lens};
 use crate::scene::proxy::SurfacePoint;
 use crate::visibility::device_scene::{DeviceScene, SceneGeometry};
 
@@ -22,21 +22,24 @@ pub struct Problem<'p> {
     pub target: &'p Target,
     /// These in the planner's frame.
     pub geometry: Arc<SceneGeometry>,
-    /// Of all planned cameras that `lenses` does not name, and of viewers that have none of their own.
+    /// Of all planned cameras that `lenses` does not name.
     pub lens: Intrinsics,
-    /// Of the first planned cameras, where these have others.
+    /// Of the first planned cameras, where these have others. Baselines place cameras as if they all had `lens`.
     pub lenses: Vec<Intrinsics>,
+    /// Of viewers that have none of their own.
+    pub viewers_lens: Intrinsics,
     /// Cameras that exist already, in the user's world: they count, and never move.
     pub kept: &'p [Camera],
 }
 
 impl<'p> Problem<'p> {
-    /// Brings a target into the planner's frame.
+    /// Brings a target into the planner's frame. Viewers have the lens in the middle of the kept cameras', whatever the next ones have.
     ///
     /// # Errors
     /// Where region and limits leave no free space, or the surface cannot be represented.
     pub fn new(target: &'p Target, lens: Intrinsics, kept: &'p [Camera]) -> Result<Self> {
-        Ok(Self { target, geometry: Arc::new(target.geometry()?), lens, lenses: Vec::new(), kept })
+        let viewers_lens = middle_lens(kept).unwrap_or(lens);
+        Ok(Self { target, geometry: Arc::new(target.geometry()?), lens, lenses: Vec::new(), viewers_lens, kept })
     }
 
     /// The lens of planned camera `j`.

@@ -83,17 +83,17 @@ impl<'a> Reference<'a> {
         config: &Config,
         go_on: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Self> {
-        let Problem { target, lens: intrinsics, kept, .. } = problem;
+        let Problem { target, lens, viewers_lens, kept, .. } = problem;
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
-        let viewers = config.viewers.sample(&scene.geometry, *intrinsics, inward, seed, VIEWERS)?;
+        let viewers = config.viewers.sample(&scene.geometry, *viewers_lens, inward, seed, VIEWERS)?;
         let fitted = Fitted::embedded(inward);
         let law = fitted.law();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let links = config.of_quality().and_then(|own| Links::of(own, &target.proxy, &scene.geometry, config.seed));
-        let lenses = [&problem.lenses[..], &[*intrinsics]].concat();
+        let lenses = [&problem.lenses[..], &[*lens]].concat();
         let (mine, layouts) = (kept.to_vec(), Vec::new());
         let mut reference = Self { judge, scene, around, law: fitted, lenses, kept: mine, links, layouts };
         for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {

@@ -1,12 +1,13 @@
 //! The law of expected error: what splats will get wrong at a look, from the views nearest to it.
 //!
-//! For a pixel of a viewer that shows surface point p from direction d and distance D, let g1 <= g2 <= g3 be the angles at p
-//! between d and the directions of the training views that see p (2 rad where there are fewer), and r the footprint of the nearest
-//! one's pixels at p (distance over focal length in pixels) over that of the viewer's. With `z = b1 g1 + b3 g3 + c max(ln r, 0)`, the
-//! error is `e^2 = exp(a) / (exp(-z) + exp(-m))`, where `a` is the material's, the texture's and the light's alone: it rises by `z`
-//! and ends at `m`, since what is not known at all is not worse than that. A pixel beside an object looks at the empty place where its
-//! ray passes the object's middle, by the same law at a small weight. `lab/quality_fit` makes the coefficients, `law_of_objects.json`
-//! and `law_of_rooms.json` have them, and docs/results/law.md the measurements.
+//! For a pixel of a viewer that shows surface point p from direction d, let g1 <= g2 <= g3 be the angles at p between d
+//! and the directions of the training views that see p (2 rad where there are fewer), and r the footprint of the nearest one's picture
+//! at p (distance times the tangent of half its wider field of view: pictures count as having equally many pixels) over that of the
+//! viewer's. With `z = b1 g1 + b3 g3 + c max(ln r, 0)`, the error is `e^2 = exp(a) / (exp(-z) + exp(-m))`, where `a` is the material's,
+//! the texture's and the light's alone: it rises by `z` and ends at `m`, since what is not known at all is not worse than that. A pixel
+//! beside an object looks at the empty place where its ray passes the object's middle, by the same law at a small weight.
+//! `lab/quality_fit` makes the coefficients, `law_of_objects.json` and `law_of_rooms.json` have them; docs/reference/quality.md says
+//! what they are of.
 
 use std::path::Path;
 
@@ -18,7 +19,7 @@ use crate::{Error, Result};
 
 /// Views at least this far from a viewer's direction, in radians, count as none.
 pub(crate) const FARTHEST: f64 = look::FARTHEST;
-/// The files that are built in, as `camsplat quality fit` writes them: of objects, and of rooms.
+/// The files that are built in, in the form of `camsplat quality fit`: of objects, and of rooms.
 const OBJECTS: &str = include_str!("law_of_objects.json");
 const ROOMS: &str = include_str!("law_of_rooms.json");
 /// Where a law without an end ends: its exponential is the last but a few that single precision holds.
@@ -33,15 +34,15 @@ pub struct Near {
     pub direction: DVec3,
     /// Distance of the view.
     pub distance: f64,
-    /// Of the view's pixels at the point: distance over focal length in pixels.
+    /// Of the view's picture at the point: distance times the tangent of half its wider field of view.
     pub footprint: f64,
     /// Which view.
     pub view: u32,
 }
 
 crate::gpu_struct! {
-    /// The law as the device has it (`shared/law.glsl`): the squared error of trained splats at a look over that of a look from where a
-    /// camera stands.
+    /// The law as the device has it (`shared/law.glsl`): the squared error of trained splats at a look, beside what the material itself
+    /// makes of it. The default has no rise, and ends at once.
     pub struct Law {
         /// By the angle of the first, second and third nearest view that sees the point, in radians.
         pub angle: [f32; 3],
@@ -49,7 +50,7 @@ crate::gpu_struct! {
         pub farther: f32,
         /// Weight of a look beside the surface of an object, where splats must leave nothing.
         pub background: f32,
-        /// Logarithm of the error of what no view shows, where it ends.
+        /// Logarithm of the error that it never reaches.
         pub most: f32,
         /// Unused.
         pub spare0: f32,
@@ -64,8 +65,8 @@ impl Law {
         Fitted::embedded(object).law()
     }
 
-    /// Squared error at a look whose viewer has pixels of this footprint and whose nearest views are these, over that of a look from
-    /// where a camera stands.
+    /// Squared error at a look whose viewer's picture has this footprint and whose nearest views are these, beside what the material makes
+    /// of it.
     pub fn error(&self, found: &[Near], footprint: f64) -> f64 {
         let angle = |k: usize| found.get(k).map_or(FARTHEST, |near| near.cost);
         let log_ratio = found.first().map_or(0.0, |near| (near.footprint / footprint).ln());
@@ -157,7 +158,7 @@ impl Fitted {
         let least = |name: &str| if name == "most" { 1e-6 } else { 0.0 };
         match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
             Some((name, value)) => Err(Error::request(format!(
-                "the law's coefficient {name:?} is {value}, and error must rise with angle and distance, and beside objects; train layouts that differ more"
+                "the law's coefficient {name:?} is {value}, and error must rise with angle and footprint, and have a weight beside objects; train layouts that differ more"
             ))),
             None => Ok(()),
         }

@@ -18,8 +18,8 @@ crate::gpu_struct! {
     pub(crate) struct Viewer {
         /// Camera centre.
         pub position: [f32; 3],
-        /// Focal length in pixels.
-        pub focal: f32,
+        /// Tangent of half the wider field of view.
+        pub widest: f32,
         /// Ray through the image's top left corner.
         pub corner: [f32; 3],
         /// Unused.
@@ -45,7 +45,7 @@ crate::gpu_struct! {
         pub distance: f32,
         /// Unit direction from the point to the viewer.
         pub direction: [f32; 3],
-        /// Of the viewer's pixels at the point: distance over focal length in pixels.
+        /// Of the viewer's picture at the point: distance times the tangent of half its wider field of view.
         pub footprint: f32,
         /// Unit normal of the surface on the viewer's side; zero in empty space.
         pub normal: [f32; 3],
@@ -99,7 +99,7 @@ impl Viewer {
         let turned = |x: f64, y: f64, z: f64| (pose.rotation * DVec3::new(x, y, z)).as_vec3().to_array();
         Self {
             position: pose.position.as_vec3().to_array(),
-            focal: k.mean_focal() as f32,
+            widest: k.widest() as f32,
             corner: turned(first.x, first.y, 1.0),
             across: turned(size.x / focal.x, 0.0, 0.0),
             along: turned(0.0, size.y / focal.y, 0.0),
@@ -174,7 +174,7 @@ impl<'a> Caster<'a> {
             return Look {
                 position: (origin + along * direction).to_array(),
                 distance: along,
-                footprint: along / viewer.focal,
+                footprint: along * viewer.widest,
                 direction: (-direction).to_array(),
                 weight: self.around.background,
                 ..none
@@ -193,11 +193,10 @@ impl<'a> Caster<'a> {
         Look {
             position: (origin + hit.distance * direction + lift * normal).to_array(),
             distance: hit.distance,
-            footprint: hit.distance / viewer.focal,
+            footprint: hit.distance * viewer.widest,
             direction: (-direction).to_array(),
             normal: normal.to_array(),
             weight: 1.0,
-            ..none
         }
     }
 }

@@ -24,8 +24,9 @@ pub fn angle(a: DVec3, b: DVec3) -> f64 {
 }
 
 /// What a view at `centre` is to a look but for its image and what hides it; none where it is behind the surface or farther
-/// away than [`FARTHEST`]. `focal` is its focal length in pixels.
-pub fn toward(look: &Look, view: u32, centre: DVec3, focal: f64) -> Option<Near> {
+/// away than [`FARTHEST`]. `widest` is the tangent of half its wider
+/// field of view.
+pub fn toward(look: &Look, view: u32, centre: DVec3, widest: f64) -> Option<Near> {
     let [point, to_viewer, normal] = vectors(look);
     let ray = centre - point;
     let distance = ray.length().max(1e-6);
@@ -35,7 +36,7 @@ pub fn toward(look: &Look, view: u32, centre: DVec3, focal: f64) -> Option<Near>
         cost,
         direction,
         distance,
-        footprint: distance / focal,
+        footprint: distance * widest,
         view,
     })
 }
@@ -55,7 +56,8 @@ pub fn nearest(bvh: &Bvh, look: &Look, views: impl Iterator<Item = Near>) -> Vec
 /// As [`nearest`], of cameras whose whole image counts.
 pub(crate) fn nearest_cameras(bvh: &Bvh, look: &Look, cameras: &[View]) -> Vec<Near> {
     let views = cameras.iter().zip(0..).filter_map(|(camera, index)| {
-        let near = toward(look, index, Vec3::from(camera.position).as_dvec3(), camera.focal.into())?;
+        let widest = [camera.right, camera.down].map(|axis| 1.0 / Vec3::from(axis).as_dvec3().length());
+        let near = toward(look, index, Vec3::from(camera.position).as_dvec3(), widest[0].max(widest[1]))?;
         let along = |axis: [f32; 3]| -near.direction.dot(Vec3::from(axis).as_dvec3());
         let forward = along(camera.forward);
         let inside = forward > 0.0 && along(camera.right).abs() <= forward && along(camera.down).abs() <= forward;

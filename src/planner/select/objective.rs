@@ -5,15 +5,13 @@
 //! exact, but for photos at the very same angle. All that a candidate changes is at the looks that it sees: the worth of all its swaps comes from one pass over
 //! these, and one over slots for each viewer that has any of them.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
-use super::greedy::{Knowledge, grow};
 use super::sight::{Sight, sight_of};
-use crate::Result;
-use crate::engine::parallel::{in_parallel, with_scratch};
+use crate::engine::parallel::{in_parallel, mapped, with_scratch};
 use crate::engine::vulkan::Context;
 use crate::files::photos::Photo;
 use crate::planner::quality::expected::MIN_SHOWN;
@@ -21,6 +19,7 @@ use crate::planner::quality::law::{FARTHEST, Law};
 use crate::planner::quality::look::Look;
 use crate::planner::quality::nearest::{angle, vectors};
 use crate::visibility::device_scene::DeviceScene;
+use crate::{Error, Result};
 
 /// Looks that a thread takes together.
 const TOGETHER: usize = 64;
@@ -41,8 +40,8 @@ pub struct Objective {
     /// Looks that each photo sees, ascending.
     seen: Vec<Vec<u32>>,
     centres: Vec<Vec3>,
-    /// Of the photos, in pixels.
-    focals: Vec<f64>,
+    /// Tangents of half the wider fields of view of the photos.
+    widest: Vec<f64>,
     law: Law,
     /// Per photo: what choosing it costs by itself (its lack of sharpness), in decibels.
     price: Vec<f64>,
@@ -122,9 +121,9 @@ impl Objective {
         }
         let (sight, centres) = sight_of(context, scene, photos, &counted)?;
         let seen = sight.by_photo();
-        let focals = photos.iter().map(|photo| photo.camera.intrinsics.mean_focal()).collect();
+        let widest = photos.iter().map(|photo| photo.camera.intrinsics.widest()).collect();
         let price = vec![0.0; photos.len()];
-        Ok(Self { looks: counted, viewers: ranges, sight, seen, centres, focals, law, price })
+        Ok(Self { looks: counted, viewers: ranges, sight, seen, centres, widest, law, price })
     }
 
     /// The same with a price in decibels on each photo.
@@ -143,14 +142,14 @@ impl Objective {
         size_of_val(&self.looks[..]) + self.sight.bytes() + lists
     }
 
-    /// A photo that sees a look, with its angle and distance; none where it is too far off to count.
+    /// A photo that sees a look, with its angle and footprint; none where it is too far off to count.
     fn near(&self, look: usize, photo: usize, slot: u32) -> Option<Near> {
         let of = &self.looks[look];
         let [point, to_viewer, _] = vectors(of);
         let ray = self.centres[photo].as_dvec3() - point;
         let distance = ray.length().max(1e-6);
         let angle = angle(to_viewer, ray / distance);
-        let footprint = distance / self.focals[photo];
+        let footprint = distance * self.widest[photo];
         (angle < FARTHEST).then(|| Near { slot, angle, log_ratio: (footprint / f64::from(of.footprint)).ln() })
     }
 
@@ -172,12 +171,27 @@ impl Objective {
         State { error: self.error(look, &near), near }
     }
 
-    /// The photos `chosen` and, of `free`, as many more as make `count`: one after another that which lowers the cost most.
+    /// The photos `chosen` and, of `free`, as many more as make `count`: one after another that which lowers the cost most, of equals the
+    /// first. `go_on` is asked before each.
     ///
     /// # Errors
-    /// None that greedy choices without a device have.
-    pub fn grown(&self, chosen: &[usize], free: &[usize], count: usize) -> Result<Vec<usize>> {
-        grow(&mut self.choose(&[]), chosen.to_vec(), free, count)
+    /// [`Error::Interrupted`] where it was stopped.
+    pub fn grown(
+        &self,
+        chosen: &[usize],
+        free: &[usize],
+        count: usize,
+        go_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Vec<usize>> {
+        let (mut choice, mut left) = (self.choose(chosen), free.to_vec());
+        while choice.chosen.len() < count && !left.is_empty() {
+            Error::unless_stopped(go_on())?;
+            let sums = choice.sums();
+            let gains = mapped(&left, |_, photo| choice.gain(*photo, &sums));
+            let best = (0..left.len()).fold(0, |best, i| if gains[i] > gains[best] { i } else { best });
+            choice.add(left.remove(best));
+        }
+        Ok(choice.chosen)
     }
 
     /// These photos chosen, in slots of this order.
@@ -188,43 +202,6 @@ impl Objective {
             looks.zip(states).for_each(|(look, state)| *state = self.state(look, photos));
         });
         Choice { objective: self, chosen: photos.to_vec(), states, removals: OnceLock::new() }
-    }
-}
-
-/// One photo after another, the one first that lowers the cost most. The cost is nearly submodular, so that what a photo was worth is
-/// taken for a bound on what it is worth later.
-impl Knowledge for Choice<'_> {
-    fn worth(&mut self, photo: usize) -> Result<f64> {
-        let objective = self.objective;
-        let mut seen = objective.seen[photo].iter().map(|look| *look as usize).peekable();
-        let mut worth = 0.0;
-        for range in &objective.viewers {
-            let mut change = 0.0;
-            while let Some(look) = seen.next_if(|look| *look < range.end) {
-                let State { near, error } = &self.states[look];
-                if let Some(new) = objective.near(look, photo, u32::MAX - 1) {
-                    change += objective.error(look, &with(near, new)) - error;
-                }
-            }
-            if change != 0.0 {
-                let sum: f64 = self.states[range.clone()].iter().map(|state| state.error).sum();
-                worth -= (change / sum).ln_1p();
-            }
-        }
-        Ok(worth)
-    }
-
-    fn learn(&mut self, photo: usize) -> Result<()> {
-        let (objective, slot) = (self.objective, self.chosen.len() as u32);
-        for look in objective.seen[photo].iter().map(|look| *look as usize) {
-            if let Some(new) = objective.near(look, photo, slot) {
-                let near = with(&self.states[look].near, new);
-                self.states[look] = State { error: objective.error(look, &near), near };
-            }
-        }
-        self.chosen.push(photo);
-        self.removals.take();
-        Ok(())
     }
 }
 
@@ -264,6 +241,43 @@ impl Choice<'_> {
         objective.viewers.iter().map(of).sum::<f64>() / objective.viewers.len().max(1) as f64 + prices
     }
 
+    /// By viewer: the sum of errors.
+    fn sums(&self) -> Vec<f64> {
+        let sum = |range: &Range<usize>| self.states[range.clone()].iter().map(|state| state.error).sum();
+        self.objective.viewers.iter().map(sum).collect()
+    }
+
+    /// By how many decibels the cost falls with one more photo, beside these sums.
+    fn gain(&self, photo: usize, sums: &[f64]) -> f64 {
+        let objective = self.objective;
+        let mut seen = objective.seen[photo].iter().map(|look| *look as usize).peekable();
+        let mut log = 0.0;
+        for (range, sum) in objective.viewers.iter().zip(sums) {
+            let mut change = 0.0;
+            while let Some(look) = seen.next_if(|look| *look < range.end) {
+                let State { near, error } = &self.states[look];
+                if let Some(new) = objective.near(look, photo, u32::MAX - 1) {
+                    change += objective.error(look, &with(near, new)) - error;
+                }
+            }
+            log += (change / sum).ln_1p();
+        }
+        -DECIBELS * log / objective.viewers.len().max(1) as f64 - objective.price[photo]
+    }
+
+    /// One more photo, in a slot of its own.
+    fn add(&mut self, photo: usize) {
+        let (objective, slot) = (self.objective, self.chosen.len() as u32);
+        for look in objective.seen[photo].iter().map(|look| *look as usize) {
+            if let Some(new) = objective.near(look, photo, slot) {
+                let near = with(&self.states[look].near, new);
+                self.states[look] = State { error: objective.error(look, &near), near };
+            }
+        }
+        self.chosen.push(photo);
+        self.removals.take();
+    }
+
     fn removals(&self) -> &Removals {
         self.removals.get_or_init(|| {
             let (objective, slots) = (self.objective, self.chosen.len());
@@ -277,8 +291,7 @@ impl Choice<'_> {
                     }
                 }
             });
-            let sums: Vec<f64> =
-                viewers.iter().map(|range| self.states[range.clone()].iter().map(|state| state.error).sum()).collect();
+            let sums = self.sums();
             let log: Vec<f64> = rise.iter().enumerate().map(|(i, rise)| (rise / sums[i / slots]).ln_1p()).collect();
             let mut total = vec![0.0; slots];
             log.chunks(slots.max(1))

@@ -31,7 +31,7 @@ use crate::planner::quality::law::{Fitted, Law};
 use crate::planner::quality::look::Surroundings;
 use crate::planner::quality::map::{ErrorMap, error_map};
 use crate::planner::quality::viewers::Viewers;
-use crate::scene::camera::{Camera, Pose};
+use crate::scene::camera::{Camera, Pose, middle_lens};
 use crate::scene::proxy::{Occluder, Proxy, SurfacePoint};
 use crate::visibility::device_scene::DeviceScene;
 use crate::{Error, Result};
@@ -158,14 +158,14 @@ impl<'a> SelectionContext<'a> {
         Self { model, ..self }
     }
 
-    /// Plans cameras beside those that are kept, with the lens of the pool's first photo; in the user's world.
+    /// Plans cameras beside those that are kept, with the lens in the middle of the pool's; in the user's world.
     ///
     /// # Errors
     /// Where the plan does not fit the device, or the device fails.
     fn plan(&self, base: Config, kept: &[Camera], viewers: Viewers) -> Result<Vec<Pose>> {
-        let (Some(first), true) = (self.set.photos.first(), base.views > 0) else { return Ok(Vec::new()) };
+        let (Some(lens), true) = (middle_lens(&self.set.cameras()), base.views > 0) else { return Ok(Vec::new()) };
         let config = Config { seed: self.request.seed, viewers, checkpoint_every: base.iterations, ..base };
-        let problem = Problem::new(self.target, first.camera.intrinsics, kept)?;
+        let problem = Problem { viewers_lens: lens, ..Problem::new(self.target, lens, kept)? };
         match config.of_quality() {
             Some(_) => Ok(pipeline::expected_plan(&self.context, &problem, config)?.1),
             None => pipeline::poses(&self.context, &problem, config),
@@ -204,9 +204,8 @@ impl<'a> SelectionContext<'a> {
     fn judge(&self, viewers: &Viewers, seed: u64, count: u32) -> Result<Judge<'_>> {
         let inward = self.request.preset == Preset::Object;
         let (geometry, law) = (&self.scene.geometry, Law::embedded(inward));
-        // A pool to choose from has photos.
-        let intrinsics = self.set.photos[0].camera.intrinsics;
-        let viewers = viewers.sample(geometry, intrinsics, inward, seed, count)?;
+        let lens = middle_lens(&self.set.cameras()).ok_or_else(|| Error::request("there are no photos"))?;
+        let viewers = viewers.sample(geometry, lens, inward, seed, count)?;
         Judge::new(&self.context, &self.scene, self.surroundings(&law), viewers, &law, seed)
     }
 
@@ -222,13 +221,13 @@ impl<'a> SelectionContext<'a> {
     /// Where the plan does not fit the device, or the device fails.
     pub fn suggest(&self, chosen: &[Chosen], count: usize) -> Result<Vec<Suggested>> {
         let kept = self.cameras(&chosen.iter().map(|chosen| chosen.photo).collect::<Vec<_>>());
-        let Some(first) = self.set.photos.first() else { return Ok(Vec::new()) };
+        let Some(intrinsics) = middle_lens(&self.set.cameras()) else { return Ok(Vec::new()) };
         // A photo is worth taking where no photo of the pool looks.
         let viewers = self.request.viewers.clone().unwrap_or_default();
         let judge = self.judge(&viewers, self.request.seed ^ JUDGE_SEED, JUDGES)?;
         let without = judge.expect(&kept)?.error_db;
         let alone = |pose: Pose| {
-            let camera = Camera { name: String::new(), pose, intrinsics: first.camera.intrinsics };
+            let camera = Camera { name: String::new(), pose, intrinsics };
             let error = judge.expect(&[&kept[..], std::slice::from_ref(&camera)].concat())?.error_db;
             Ok(Suggested { camera, gain_db: without - error })
         };

@@ -68,7 +68,7 @@ pub enum Criterion {
     Ratio = glsl_score::RATIO as isize,
     /// The rise of the logarithm of the determinant, `sum of ln(1 + H_k / (known_k + lambda))` (D-optimality).
     Determinant = glsl_score::DETERMINANT as isize,
-    /// The rise of the trace, `sum of H_k` (T-optimality): whatever is known.
+    /// The rise of the trace, `sum of H_k` (T-optimality), whatever is known.
     Trace = glsl_score::TRACE as isize,
 }
 

@@ -102,21 +102,23 @@ fn an_iteration_is_that_of_the_twin() {
             for (camera, fov) in kept.iter_mut().zip([30f64, 35.0, 45.0, 80.0, 90.0, 100.0]) {
                 camera.intrinsics = Intrinsics::from_fov(800, 600, fov.to_radians());
             }
-            let preparation =
-                Preparation::new(&context, &scene.problem(&kept), config.clone()).expect("a good problem");
+            // So do half of the planned ones.
+            let lenses: Vec<Intrinsics> = kept.iter().cycle().take(views as usize / 2).map(|c| c.intrinsics).collect();
+            let problem = Problem { lenses: lenses.clone(), ..scene.problem(&kept) };
+            let preparation = Preparation::new(&context, &problem, config.clone()).expect("a good problem");
             let planner =
                 Planner::new(&context, &scene.device, preparation.with_law(&context, law)).expect("room for it");
             let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
             let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
             let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();
             let quality = planner.pass::<QualityPass>().expect("the default objective");
-            let lenses: Vec<Intrinsics> = kept.iter().map(|camera| camera.intrinsics).chain([intrinsics()]).collect();
+            let of_kept = kept.iter().map(|camera| camera.intrinsics);
+            let lenses: Vec<Intrinsics> = of_kept.chain(lenses).chain([intrinsics()]).collect();
             let cameras = Cameras {
                 gate,
                 gate_softness: quality.settings().gate_softness.into(),
                 splats: &splats,
                 tangents: &lenses.iter().map(|lens| tangents(lens).map(f64::from)).collect::<Vec<_>>(),
-                focals: &lenses.iter().map(Intrinsics::mean_focal).collect::<Vec<_>>(),
             };
             let looks = quality.looks().expect("looks");
             assert_eq!(looks.len(), (config.probes * LOOKS) as usize);

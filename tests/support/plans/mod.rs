@@ -33,6 +33,7 @@ impl Scene {
             geometry: self.device.geometry.clone(),
             lens: intrinsics(),
             lenses: Vec::new(),
+            viewers_lens: intrinsics(),
             kept,
         }
     }

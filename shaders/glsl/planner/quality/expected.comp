@@ -65,7 +65,8 @@ void main() {
             vec3 n;
             float d;
             view_cost(found[0].view, look, FARTHEST, n, d);
-            log_ratio = log(d / (cameras[found[0].view].focal * look.footprint));
+            View nearest = cameras[found[0].view];
+            log_ratio = log(d / (min(length(nearest.right), length(nearest.down)) * look.footprint));
         }
         error = look.weight * law_error(law[0], angles, log_ratio);
         // Looks, those of the surface, and those of its points that no view sees: eight bits each.

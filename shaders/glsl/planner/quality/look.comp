@@ -22,7 +22,7 @@ layout(push_constant) uniform Push {
 // A pinhole camera: the ray through image position (u, v) runs along corner + u across + v along.
 struct Viewer {
     vec3 position;
-    float focal;  // in pixels
+    float widest;  // tangent of half the wider field of view
     vec3 corner;
     float spare0;
     vec3 across;
@@ -82,6 +82,6 @@ void main() {
             look.weight = background;
         }
     }
-    look.footprint = look.distance / viewer.focal;
+    look.footprint = look.distance * viewer.widest;
     looks[i] = look;
 }

@@ -49,8 +49,6 @@ struct Quality {
     viewers: Vec<Viewer>,
     around: Surroundings,
     law: Law,
-    /// Of the cameras, kept ones first, in pixels.
-    focals: Vec<f32>,
     /// Threads of a look.
     lanes: u32,
     /// Which cameras are neighbours, where they are to connect.
@@ -80,7 +78,7 @@ pub(super) fn prepare(
             links::MAX_CAMERAS
         )));
     }
-    let viewers = viewers(config, geometry, &problem.lens)?;
+    let viewers = viewers(config, geometry, &problem.viewers_lens)?;
     let mut points = proxy.sample(REACHABLE as usize, config.seed, PROBE_STREAM);
     random::shuffle(&mut points, config.seed, PROBE_STREAM);
     let links = Links::of(own, proxy, geometry, config.seed).map(Arc::new);
@@ -90,8 +88,6 @@ pub(super) fn prepare(
         link_angle: own.connect.unwrap_or(0.0).to_radians(),
     };
     let law = Law::embedded(config.preset == Preset::Object);
-    let lenses = problem.kept.iter().map(|camera| camera.intrinsics);
-    let lenses = lenses.chain((0..).map(|j| problem.lens_of(j))).take(start.len());
     Ok(Arc::new(Quality {
         settings,
         gate: config.gate,
@@ -101,7 +97,6 @@ pub(super) fn prepare(
         viewers,
         around: Surroundings::new(geometry, proxy.sphere, config.preset == Preset::Object, &law),
         law,
-        focals: lenses.map(|lens| lens.mean_focal() as f32).collect(),
         lanes: lanes(context.physical()),
         links,
     }))
@@ -136,7 +131,6 @@ impl Objective for Quality {
             ("looks", of(size_of::<Look>(), drawn)),
             ("errors", 4 * looks),
             ("viewer arrivals", 4 * viewers),
-            ("focals", 4 * splats),
             ("anchor starts", 4 * starts),
             ("anchors", of(size_of::<Anchor>(), anchors)),
         ]

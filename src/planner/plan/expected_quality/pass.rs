@@ -2,13 +2,14 @@
 //! splats nearest to them (`viewed.comp`), and the end of the iteration (`update_quality.comp`).
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex};
 
 use super::Quality;
 use super::links::{Links, Sight};
 use super::shared::{Anchor, QualitySettings, ViewerLoss};
 use super::viewed::{ViewedConstants, ViewedPush, ViewedStage, draws};
 use crate::Result;
+use crate::engine::parallel::lock;
 use crate::engine::vulkan::footprint::Footprint;
 use crate::engine::vulkan::{Buffer, Context, Pipeline, Recorder};
 use crate::planner::plan::objective::{Pass, Run};
@@ -42,7 +43,6 @@ pub struct QualityPass {
     quality: Buffer,
     viewers: Buffer,
     looks: Buffer,
-    focals: Buffer,
     errors: Buffer,
     losses: Buffer,
     arrivals: Buffer,
@@ -50,7 +50,7 @@ pub struct QualityPass {
     push: LookPush,
     links: Option<Arc<Links>>,
     /// What kept cameras see, where cameras are to connect.
-    kept: OnceLock<Vec<Sight>>,
+    kept: Mutex<Option<Vec<Sight>>>,
     anchor_starts: Buffer,
     anchors: Buffer,
 }
@@ -86,10 +86,9 @@ impl QualityPass {
             losses: buffer("viewer losses")?,
             arrivals: buffer("viewer arrivals")?,
             law: Buffer::from_slice(context, "law", &[quality.law])?,
-            focals: Buffer::from_slice(context, "focals", &quality.focals)?,
             push: quality.around.push(quality.viewers.len() as u32, quality.settings.viewers, SIDE, quality.seed),
             links: quality.links.clone(),
-            kept: OnceLock::new(),
+            kept: Mutex::new(None),
             anchor_starts: buffer("anchor starts")?,
             anchors: buffer("anchors")?,
         })
@@ -155,7 +154,6 @@ impl QualityPass {
                     viewer_losses: &self.losses,
                     errors: &self.errors,
                     arrivals: &self.arrivals,
-                    focals: &self.focals,
                 },
             )
             .push(&ViewedPush { first_look: nth * looks })
@@ -190,6 +188,8 @@ impl QualityPass {
 impl Pass for QualityPass {
     fn reset(&self, _run: &Run, commands: &mut Recorder) -> Result<()> {
         self.quality.upload(&[self.settings])?;
+        // Kept cameras may be others now.
+        *lock(&self.kept) = None;
         // Each iteration leaves them so.
         commands.fill(&self.arrivals, 0);
         Ok(())
@@ -203,7 +203,8 @@ impl Pass for QualityPass {
         let Some(links) = &self.links else { return Ok(()) };
         let done = run.done() as f32 / run.settings.iterations as f32;
         let (bvh, splats) = (&run.scene.geometry.bvh, run.splats()?);
-        let kept = self.kept.get_or_init(|| links.sights(bvh, &splats[..run.settings.kept as usize]));
+        let mut kept = lock(&self.kept);
+        let kept = kept.get_or_insert_with(|| links.sights(bvh, &splats[..run.settings.kept as usize]));
         let (starts, anchors) = links.anchors(bvh, &splats, kept, done);
         self.anchor_starts.upload(&starts)?;
         if anchors.is_empty() { Ok(()) } else { self.anchors.upload(&anchors) }

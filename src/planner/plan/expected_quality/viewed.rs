@@ -48,7 +48,7 @@ crate::stage!(
     /// Loss and gradient partials: a workgroup per look of the iteration, or a thread.
     pub(crate) ViewedStage = viewed<ViewedConstants>(ViewedPush) {
         read quality, read control, read splats, read nodes, read primitives, read looks, read law, write slots,
-        write partials, write viewer_losses, write errors, write arrivals, read focals,
+        write partials, write viewer_losses, write errors, write arrivals,
     } with [QualitySettings, Control, CameraState, Node, Look, Law, Gradient, ViewerLoss]
 );
 
@@ -98,8 +98,6 @@ pub struct Cameras<'a> {
     pub splats: &'a [(DVec3, DVec3)],
     /// Tangents of half the fields of view (horizontal, vertical) of each; the last applies to all that follow.
     pub tangents: &'a [[f64; 2]],
-    /// Focal lengths in pixels of each; the last applies to all that follow.
-    pub focals: &'a [f64],
 }
 
 impl Cameras<'_> {
@@ -124,8 +122,8 @@ pub fn viewed(cameras: &Cameras<'_>, looks: &[Look], bvh: &Bvh, law: &Law) -> Ex
             .iter()
             .map(|look| {
                 let views = cameras.splats.iter().enumerate().filter_map(|(j, (centre, direction))| {
-                    let focal = cameras.focals.get(j).or(cameras.focals.last()).copied()?;
-                    let mut near = toward(look, j as u32, *centre, focal)?;
+                    let [tan_x, tan_y] = tangents_of(cameras.tangents, j);
+                    let mut near = toward(look, j as u32, *centre, tan_x.max(tan_y))?;
                     let open = cameras.gate(j, -near.direction, *direction).0;
                     near.cost -= turn * open.ln();
                     (open > MIN_OPEN).then_some(near)
@@ -185,14 +183,14 @@ mod tests {
         let law = Law { angle: [1.8, 0.4, 0.8], farther: 1.0, background: 0.3, most: 4.0, ..Law::default() };
         let around = Surroundings::new(&geometry, proxy.sphere, true, &law);
         let (looks, _) = expect(&geometry, around, &viewers, &[], &law, 3);
-        let focals: Vec<f64> = (0..12).map(|j| intrinsics.mean_focal() * (0.5 + 0.1 * f64::from(j))).collect();
+        let wide = |j: u32| [0.3 + 0.06 * f64::from(j), 0.4];
+        let tangents: Vec<[f64; 2]> = (0..12).map(wide).collect();
         for softness in [0.05f32, 0.3] {
             let poses = layouts::random(&geometry.free, 12, 7, false);
             let splats: Vec<_> = poses.iter().map(|pose| (pose.position, pose.forward())).collect();
             let loss = |splats: &[(DVec3, DVec3)]| {
                 let gate_softness = f64::from(softness);
-                let tangents = &[[0.6, 0.4]];
-                let cameras = Cameras { gate: Gate::Pinhole, gate_softness, splats, tangents, focals: &focals };
+                let cameras = Cameras { gate: Gate::Pinhole, gate_softness, splats, tangents: &tangents };
                 viewed(&cameras, &looks, &geometry.bvh, &law)
             };
             let exact = loss(&splats);

@@ -33,7 +33,6 @@ layout(binding = 8, std430) writeonly buffer Partials { Gradient partials[]; };
 layout(binding = 9, std430) writeonly buffer ViewerLosses { ViewerLoss viewer_losses[]; };
 layout(binding = 10, std430) buffer Errors { uint errors[]; };  // by look, as bits; 0: counts for nothing; negative: beside the surface
 layout(binding = 11, std430) buffer Arrivals { uint arrivals[]; };  // workgroups of a viewer that are done
-layout(binding = 12, std430) readonly buffer Focals { float focals[]; };  // of the splats, in pixels
 #include "shared/traverse.glsl"
 
 QualitySettings q;
@@ -111,7 +110,10 @@ void main() {
     float d[3], log_ratio = 0.0, error = 0.0, slope = 0.0;
     if (looks_at) {
         for (uint k = 0; k < have; ++k) costs[k] = view_cost(found[k].view, look, FARTHEST, n[k], d[k]);
-        if (have > 0) log_ratio = log(d[0] / (focals[found[0].view] * look.footprint));
+        if (have > 0) {
+            CameraState nearest = splats[found[0].view];
+            log_ratio = log(d[0] * max(nearest.tan_x, nearest.tan_y) / look.footprint);
+        }
         error = law_error(law[0], costs, log_ratio);
         slope = look.weight * law_slope(law[0], error);
         error *= look.weight;
