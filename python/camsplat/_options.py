@@ -103,17 +103,14 @@ class PlanOptions(TypedDict, total=False):
     renderdoc: File
     """Capture one iteration with RenderDoc into FILE_*.rdc"""
 
-    method: Literal["ours", "paper", "paper-no-vds", "paper-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "greedy", "acp", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover", "manifold"]
+    method: Literal["ours", "paper", "paper-no-vds", "paper-iterative", "ours-two-passes", "random", "fibonacci", "grid", "rings", "fvs", "fvs-chord", "fvs-shared", "coverage", "greedy", "acp", "acp-hidden", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover", "manifold"]
     """How to place the cameras"""
 
     candidates: int
-    """Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp: 1000; fisherrf, pop-d, pop-t, cover: 300, or three per view]"""
+    """Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp, acp-hidden: 1000; fisherrf, pop-d, pop-t, cover: 300, or three per view]"""
 
     nodes: int
-    """Nodes of the grid along a side [acp; default: 32]"""
-
-    hidden_nodes: bool
-    """Treat nodes behind the surface as hidden, unlike the published method [acp]"""
+    """Nodes of the grid along a side [acp, acp-hidden; default: 32]"""
 
     renders: int
     """Perturbed renderings of a view in an ascent step [manifold; default: 2]"""
@@ -336,7 +333,7 @@ class SelectOptions(TypedDict, total=False):
     size: tuple[int, int]
     """Image size in pixels, for a file of poses without lenses"""
 
-    method: Literal["ours", "assigned", "nearest", "random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover"]
+    method: Literal["ours", "assigned", "nearest", "random", "fibonacci", "fvs", "fvs-chord", "fvs-shared", "coverage", "acp", "acp-hidden", "fisherrf", "pop-d", "pop-t", "fisherrf-retrain", "cover"]
     """How to choose"""
 
     model: File

@@ -43,6 +43,8 @@ pub enum Method {
     Greedy,
     /// Uniformity and frequency at nodes of a grid.
     Acp,
+    /// The same with nodes that the surface hides.
+    AcpHidden,
     /// Fisher information about a trained model.
     Fisher,
     /// The same by D-optimality.
@@ -83,7 +85,7 @@ const CHOOSES: [bool; 2] = [false, true];
 const BOTH: [bool; 2] = [true, true];
 
 /// The table, in the order of the help.
-pub const METHODS: [Entry; 23] = [
+pub const METHODS: [Entry; 24] = [
     Entry {
         alias: Some("swap"),
         ..entry(
@@ -156,6 +158,12 @@ pub const METHODS: [Entry; 23] = [
         "acp",
         BOTH,
         "Greedy on the uniformity of view directions and the frequency at nodes of a grid (Kopanas and Drettakis)",
+    ),
+    entry(
+        Method::AcpHidden,
+        "acp-hidden",
+        BOTH,
+        "As acp, where a view does not see nodes that the surface hides from it",
     ),
     entry(Method::Fisher, "fisherrf", BOTH, "Greedy on the Fisher information about a trained model (FisherRF)"),
     entry(Method::PopD, "pop-d", BOTH, "As fisherrf, by the determinant of the information (POp-GS, D-optimality)"),

@@ -98,7 +98,7 @@ fn peers_stand_in_rooms_and_beside_kept_cameras() {
     let place = Place::new();
     let room = "--box -3,-3,-3,3,3,3 --clearance 0.3 --views 8 --held-out 50";
     place.done(&format!("plan ball.ply --out first --method random {room}"));
-    for method in ["fvs", "acp --nodes 8", "acp --hidden-nodes", "coverage"] {
+    for method in ["fvs", "acp --nodes 8", "acp-hidden", "coverage", "greedy"] {
         place.done(&format!("plan ball.ply --out o --force --method {method} --candidates 40 --keep first {room}"));
         let all = cameras(&place, "o");
         assert_eq!((all.len(), place.plan("o").kept), (16, 8));

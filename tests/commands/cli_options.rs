@@ -57,20 +57,8 @@ fn every_option_of_the_help_is_accepted() {
     let mut tried: BTreeSet<String> = BTreeSet::new();
     // Capturing, the baselines, --surface and known space have their own tests, and help ends every run.
     tried.extend(
-        [
-            "renderdoc",
-            "curve",
-            "help",
-            "method",
-            "candidates",
-            "nodes",
-            "hidden-nodes",
-            "model",
-            "surface",
-            "space",
-            "reach",
-        ]
-        .map(str::to_owned),
+        ["renderdoc", "curve", "help", "method", "candidates", "nodes", "model", "surface", "space", "reach"]
+            .map(str::to_owned),
     );
     tried.extend(["renders", "steps", "look-size", "noise-steps", "antialiased"].map(str::to_owned));
     let mut try_with = |given: &str| {

@@ -28,16 +28,13 @@ pub struct BaselineOptions {
     /// How to place the cameras
     #[arg(long, value_parser = method_parser(|entry| entry.places), default_value = "ours")]
     pub method: Method,
-    /// Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp: 1000;
-    /// fisherrf, pop-d, pop-t, cover: 300, or three per view]
+    /// Random poses that a method chooses from [default: fvs, fvs-chord: 10000; fvs-shared, coverage, greedy: 2000; acp, acp-hidden:
+    /// 1000; fisherrf, pop-d, pop-t, cover: 300, or three per view]
     #[arg(long, value_name = "N")]
     pub candidates: Option<u32>,
-    /// Nodes of the grid along a side [acp; default: 32]
+    /// Nodes of the grid along a side [acp, acp-hidden; default: 32]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pub nodes: Option<u32>,
-    /// Treat nodes behind the surface as hidden, unlike the published method [acp]
-    #[arg(long)]
-    pub hidden_nodes: bool,
     /// Perturbed renderings of a view in an ascent step [manifold; default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
     pub renders: Option<u32>,
@@ -72,9 +69,8 @@ impl BaselineOptions {
             return Err(placing::no_photographs(self.method));
         }
         let model = self.model.read(self.method.name(), self.method.needs_model())?;
-        let of_acp = self.nodes.is_some() || self.hidden_nodes;
-        if of_acp && self.method != Method::Acp {
-            return Err(Error::request("--nodes and --hidden-nodes are for --method acp; leave them out"));
+        if self.nodes.is_some() && !matches!(self.method, Method::Acp | Method::AcpHidden) {
+            return Err(Error::request("--nodes is for --method acp and acp-hidden; leave it out"));
         }
         let of_manifold = [self.renders, self.steps, self.look_size, self.noise_steps];
         if of_manifold.iter().any(Option::is_some) && self.method != Method::Manifold {
@@ -90,7 +86,6 @@ impl BaselineOptions {
         let mut request = BaselineRequest::new(self.method, self.candidates, config)?;
         if let Some(acp) = &mut request.acp {
             acp.grid = self.nodes.unwrap_or(acp.grid);
-            acp.occlusion = self.hidden_nodes;
         }
         if let Some(manifold) = &mut request.manifold {
             manifold.renders = self.renders.unwrap_or(manifold.renders);

@@ -17,7 +17,7 @@ impl Method {
             Self::Fvs | Self::FvsChord => 10_000,
             // Counting shared points takes every pair.
             Self::FvsShared | Self::Coverage | Self::Greedy => 2000,
-            Self::Acp => 1000,
+            Self::Acp | Self::AcpHidden => 1000,
             // Few, since each renders a model; as many as there are views would leave no choice.
             Self::Fisher | Self::PopD | Self::PopT | Self::FisherRetrain | Self::Cover => {
                 views.saturating_mul(3).max(300)
@@ -46,7 +46,7 @@ pub struct BaselineRequest {
     pub gate: Gate,
     /// Held-out points for the metrics.
     pub held_out: u32,
-    /// Of [`Method::Acp`].
+    /// Of [`Method::Acp`] and [`Method::AcpHidden`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acp: Option<acp::AcpSettings>,
     /// Of [`Method::Fisher`], its other criteria, and [`Method::Cover`].
@@ -110,7 +110,8 @@ impl BaselineRequest {
             gate: config.gate,
             held_out: config.held_out,
             viewers: config.viewers.clone(),
-            acp: (method == Method::Acp).then(acp::AcpSettings::default),
+            acp: matches!(method, Method::Acp | Method::AcpHidden)
+                .then(|| acp::AcpSettings { occlusion: method == Method::AcpHidden, ..acp::AcpSettings::default() }),
             model_based: matches!(method, Method::Fisher | Method::PopD | Method::PopT | Method::Cover).then(|| {
                 information::InformationSettings {
                     criterion: method.criterion(),

@@ -73,7 +73,9 @@ impl Method {
             Self::FvsChord => Rule::Farthest(Distance::Chord),
             Self::FvsShared => Rule::Farthest(Distance::Shared),
             Self::Coverage => Rule::Coverage,
-            Self::Acp => Rule::Acp(acp::AcpSettings::default()),
+            Self::Acp | Self::AcpHidden => {
+                Rule::Acp(acp::AcpSettings { occlusion: self == Self::AcpHidden, ..Default::default() })
+            }
             Self::Fisher | Self::PopD | Self::PopT => {
                 Rule::Fisher(information::InformationSettings { criterion: self.criterion(), ..Default::default() })
             }
