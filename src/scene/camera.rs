@@ -39,21 +39,25 @@ impl Intrinsics {
         let (w, h) = (f64::from(self.width), f64::from(self.height));
         let (x, y) = (f64::from(width) / w, f64::from(height) / h);
         let off = (f64::from(height) - h * x).abs().min((f64::from(width) - w * y).abs());
-        (off <= 1.0).then(|| Self {
+        (off <= 1.0).then(|| self.stretched(width, height))
+    }
+
+    /// The same lens for an image of any other shape.
+    fn stretched(&self, width: u32, height: u32) -> Self {
+        let [x, y] = [(width, self.width), (height, self.height)].map(|(new, old)| f64::from(new) / f64::from(old));
+        Self {
             width,
             height,
             focal: [self.focal[0] * x, self.focal[1] * y],
             principal: [self.principal[0] * x, self.principal[1] * y],
-        })
+        }
     }
 
     /// The same lens for an image whose longer side has so many pixels.
     pub fn with_longest(&self, pixels: u32) -> Self {
         let factor = f64::from(pixels) / f64::from(self.width.max(self.height).max(1));
         let size = |size: u32| ((f64::from(size) * factor).round() as u32).max(1);
-        let [width, height] = [self.width, self.height].map(size);
-        // Both are within half a pixel of the same shape.
-        self.resized(width, height).unwrap_or(Self { width, height, ..*self })
+        self.stretched(size(self.width), size(self.height))
     }
 
     /// The same lens where each pixel represents a square of `factor` x `factor` pixels; what is left over at the right and at

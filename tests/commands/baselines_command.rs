@@ -222,7 +222,7 @@ fn cameras_climb_to_where_a_model_is_least_certain() {
 fn options_that_do_not_fit_the_method_are_refused() {
     let place = Place::new();
     let plan = |options: &str| format!("plan ball.ply --out o --views 9 {options}");
-    let cases: [(String, &[&str]); 13] = [
+    let cases: [(String, &[&str]); 14] = [
         (plan("--candidates 20"), &["--candidates", "--method"]),
         (plan("--method fvs --candidates 8"), &["--candidates is 8 for 9 views", "give 9 to"]),
         (plan("--method random --candidates 20"), &["--method random", "leave --candidates out"]),
@@ -230,6 +230,7 @@ fn options_that_do_not_fit_the_method_are_refused() {
         (plan("--method acp --dry-run"), &["--method acp", "--dry-run"]),
         (plan("--method fvs --nodes 9"), &["--nodes", "--method acp"]),
         (plan("--method fvs-shared --candidates 5000"), &["--method fvs-shared", "up to 4000", "use fvs"]),
+        (plan("--method greedy --candidates 20001"), &["--method greedy", "up to 20000", "take fewer"]),
         (plan("--method fibonacci --box -3,-3,-3,3,3,3"), &["fibonacci", "use random"]),
         (plan("--method acp --nodes 0"), &["--nodes"]),
         (plan("--method fvs --renders 4"), &["--renders", "--method manifold"]),

@@ -37,8 +37,10 @@ const uint TRACE = 2;  // its rise (T-optimality)
 
 float worth(uint plane, uint i, float information) {
     uint at = plane * stride + i;
-    if (learn != 0) known[at] += information;
-    if (learn != 0) return 0.0;
+    if (learn != 0) {
+        known[at] += information;
+        return 0.0;
+    }
     if (criterion == TRACE) return information;
     float ratio = information / (known[at] + lambda);
     if (criterion != DETERMINANT) return ratio;

@@ -40,6 +40,8 @@ const CANDIDATES: u32 = 0x5045_0000;
 /// Viewers whose looks the greedy choice is made by, and the key that separates them from those that judge it.
 const VIEWERS: u32 = 512;
 const VIEWER_SEED: u64 = 0x6772_6565;
+/// Candidates up to which it is worth knowing what each of them sees of all these looks.
+const MAX_GREEDY: usize = 20_000;
 /// Points that shared points and coverage are counted on.
 const POINTS: usize = 2000;
 
@@ -232,6 +234,10 @@ impl Site<'_> {
         let viewers = request.viewers.sample(&scene.geometry, problem.viewers_lens, inward, seed, VIEWERS)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let photos = &candidates.photos;
+        if photos.len() > MAX_GREEDY {
+            let what = format!("all looks are held for up to {MAX_GREEDY} candidates and kept cameras");
+            return Err(Error::request(format!("`method` greedy: {what}, and these are {}; take fewer", photos.len())));
+        }
         let looked_at = Objective::new(context, scene, photos, judge.looks()?, judge.viewers().len(), law)?;
         let kept = problem.kept.len();
         let free: Vec<usize> = (kept..photos.len()).collect();

@@ -29,6 +29,11 @@ pub struct Given {
     pub notes: Vec<String>,
 }
 
+/// The files of a layout's method that has no name of its own; none of another method.
+pub(super) fn files_of(method: &str) -> Option<&str> {
+    FILES.iter().find_map(|(files, _)| method.strip_prefix(files))
+}
+
 /// Independent of their names.
 impl PartialEq for Given {
     fn eq(&self, other: &Self) -> bool {

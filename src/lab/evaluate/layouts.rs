@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
+use super::given::files_of;
 use super::kind::Kind;
 use super::scene::Setting;
 use super::situation::Situation;
@@ -181,7 +182,7 @@ impl Trained {
 
 /// A layout's name: for a file of cameras its own name.
 fn label(method: &str) -> &str {
-    match ["cameras:", "lenses:"].iter().find_map(|files| method.strip_prefix(files)) {
+    match files_of(method) {
         Some(file) => Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file),
         None => method,
     }

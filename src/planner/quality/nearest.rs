@@ -23,9 +23,8 @@ pub fn angle(a: DVec3, b: DVec3) -> f64 {
     2.0 * (0.5 * (a - b).length()).min(1.0).asin()
 }
 
-/// What a view at `centre` is to a look but for its image and what hides it; none where it is behind the surface or farther
-/// away than [`FARTHEST`]. `widest` is the tangent of half its wider
-/// field of view.
+/// What a view at `centre` is to a look but for its image and what hides it; none where it is behind the surface or farther away than
+/// [`FARTHEST`]. `widest` is the tangent of half its wider field of view.
 pub fn toward(look: &Look, view: u32, centre: DVec3, widest: f64) -> Option<Near> {
     let [point, to_viewer, normal] = vectors(look);
     let ray = centre - point;
