@@ -166,9 +166,12 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     notes.iter().for_each(|note| say!("note     {note}"));
     let tables: Vec<Table> = board::tables(&reached);
     let [csv, page] = ["board.csv", "board.html"].map(|name| arguments.out.join(name));
-    let (text, html) = (board::csv(&reached), report::board::html(&tables));
+    let (text, html) = (board::csv(&reached), report::board::html(&tables, arguments.quick));
     write_files(&[(&csv, text.as_bytes()), (&page, html.as_bytes())])?;
     say!("{}", board::markdown(&tables).trim_end());
+    if arguments.quick {
+        say!("note     {}", report::board::QUICK);
+    }
     say!("written  {}, {}", page.display(), csv.display());
     Ok(Ended::Done)
 }
