@@ -249,7 +249,8 @@ def render_settings_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 def expected_line(db: float, sd: float, unseen: float, against: str, reason: str = "") -> str:
     """Expected quality as the command prints it."""
-    line = f"{db:+.2f} dB (sd {sd:.2f}) against {against}; no camera sees {100 * unseen:.1f}% of what viewers look at"
+    # As +0.00, never -0.00.
+    line = f"{round(db, 2) + 0.0:+.2f} dB (sd {sd:.2f}) against {against}; no camera sees {100 * unseen:.1f}% of what viewers look at"
     return f"{line}; {reason}" if reason else line
 
 

@@ -104,7 +104,7 @@ def test_the_score_is_the_commands(planned, tmp_path):
     printed = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     assert f"expected {planned.camsplat.expected}" in printed
     score = camsplat.score(vertices, camsplat.read_cameras(tmp_path / "capture"), faces, floor=-0.5)
-    assert planned.camsplat.expected.startswith(f"{score.db:+.2f} dB (sd {score.sd:.2f})")
+    assert planned.camsplat.expected.startswith(f"{round(score.db, 2) + 0.0:+.2f} dB (sd {score.sd:.2f})")
 
 
 def test_rendering_restores_the_settings(planned, tmp_path):

@@ -49,7 +49,7 @@ class Plan(Report):
         self.kept: Cameras = everything[planned:]
 
     def __repr__(self) -> str:
-        expected = "" if self.expected is None else f", {self.expected:+.2f} dB expected"
+        expected = "" if self.expected is None else f", {round(self.expected, 2) + 0.0:+.2f} dB expected"
         because = "" if self.reason is None else f": {self.reason}"
         return f"<camsplat.Plan: {len(self.cameras)} cameras{expected}{because}>"
 

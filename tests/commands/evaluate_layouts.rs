@@ -80,6 +80,36 @@ fn cameras_of_a_file_are_a_method() {
     assert_refused(&place, &cases);
 }
 
+/// If this failed, a lens would be said to be worth what another is, or tests would be taken with it too.
+#[test]
+fn a_method_is_compared_with_another_lens() {
+    let place = lit_cube();
+    place.done(&format!("{} --out o", TINY.replace("random,ours", "random@80,ours@80")));
+    assert!(place.read("o/table.md").contains("METHOD@DEGREES with a lens of so many degrees"));
+    let (mut wide, mut usual) = (0, 0);
+    for file in place.files("o").into_iter().filter(|file| file.ends_with("capture.json")) {
+        let capture: Value = serde_json::from_str(&place.read(&format!("o/{file}"))).unwrap();
+        for camera in capture["cameras"].as_array().unwrap() {
+            let degrees = 2.0 * (24.0 / camera["intrinsics"]["focal"][0].as_f64().unwrap()).atan().to_degrees();
+            // Planned photos have numbers for names; tests and inputs say what they are.
+            let planned = camera["name"].as_str().unwrap().starts_with('0');
+            let wanted = if planned { 80.0 } else { 50.0 };
+            assert!((degrees - wanted).abs() < 1e-3, "{camera} has {degrees} degrees");
+            (wide, usual) = (wide + usize::from(planned), usual + usize::from(!planned));
+        }
+    }
+    assert!(wide == 8 && usual > 0, "{wide} planned and {usual} others");
+    let methods = |names: &str| format!("{} --out p", TINY.replace("random,ours", names));
+    assert_refused(
+        &place,
+        &[
+            (&methods("random@wide"), &["random@wide", "no field of view"]),
+            (&methods("random@80@50"), &["two lenses"]),
+            ("evaluate --pool cube.gltf --methods ours@80 --out p", &["ours@80", "with their lenses"]),
+        ],
+    );
+}
+
 /// If this failed, a method of another program could not be compared as ours are: it would not get what they choose by, its cameras would be
 /// taken for another scene's, or the table would not say where they break the rules. And scenes would not be summed up.
 #[test]

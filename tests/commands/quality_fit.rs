@@ -4,7 +4,7 @@ use crate::support::command::Place;
 use crate::support::command::gltf::cube;
 use camsplat::lab::evaluate::layouts::Trained;
 use camsplat::lab::quality_fit::{Agreement, Correlation, Fit};
-use camsplat::planner::quality::law::Fitted;
+use camsplat::planner::quality::law::{Coefficients, Fitted};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
 use glam::DVec3;
@@ -76,8 +76,8 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
         place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
     }
     evaluation(&place, "flat", |_, _| 20.0);
-    let law =
-        Fitted { nearest: 1.1, third: 0.5, farther: 0.9, background: 0.06, most: Some(3.0), ..Fitted::embedded(true) };
+    let coefficients = Coefficients { nearest: 1.1, third: 0.5, farther: 0.9, background: 0.06, most: Some(3.0) };
+    let law = Fitted { coefficients, ..Fitted::embedded(true) };
     let nothing = Correlation { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
     let nothing = Agreement { whole: nothing, of_budgets: None };
     let known = Fit { law, fitted: nothing, held_out: None };
@@ -92,7 +92,7 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
 
     let fit = "quality fit a.gltf b.gltf c.gltf d.gltf --evaluations o --held-out d";
     let ran = place.done(&format!("{fit} --out law.json --layouts layouts.csv"));
-    let found: Fitted = serde_json::from_str(&place.read("law.json")).unwrap();
+    let found = serde_json::from_str::<Fitted>(&place.read("law.json")).unwrap().coefficients;
     for (found, wanted) in [found.nearest, found.third, found.farther, found.background, found.most.unwrap_or(0.0)]
         .into_iter()
         .zip([1.1, 0.5, 0.9, 0.06, 3.0])

@@ -27,7 +27,7 @@ pub struct Arguments {
     /// Some of the scenes, by name
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     scenes: Vec<String>,
-    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE or NAME=lenses:FILE for one of your own [default: random, fvs, acp, ours;
+    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE or NAME=lenses:FILE for one of your own, METHOD@DEGREES for another lens [default: random, fvs, acp, ours;
     /// quick: random, fvs, ours]
     #[arg(long, value_name = "NAMES")]
     methods: Option<String>,
@@ -41,11 +41,14 @@ pub struct Arguments {
     #[arg(long)]
     quick: bool,
     /// Make what methods choose on and nothing else, for methods of other programs: files in OUT/SCENE/SCENE/task
-    #[arg(long, conflicts_with = "shard")]
+    #[arg(long, conflicts_with_all = ["shard", "devices"])]
     prepare: bool,
     /// Device to use, as of `camsplat evaluate`
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
+    /// Devices to spread the runs of each scene over, as of `camsplat evaluate`
+    #[arg(long, value_name = "NAMES", conflicts_with = "device")]
+    devices: Option<String>,
     /// Make part I of N of each scene's runs; the board is written by the same command without this option
     #[arg(long, value_name = "I/N")]
     shard: Option<String>,
@@ -111,6 +114,7 @@ impl Arguments {
         option("seeds", Some(self.seeds.to_string()));
         option("out", Some(self.out.join(&scene.name).to_string_lossy().into_owned()));
         option("device", self.device.clone());
+        option("devices", self.devices.clone());
         option("shard", self.shard.clone());
         let own = if scene.is_room() { ROOMS } else { OBJECTS };
         let settings = if self.quick { QUICK.to_owned() } else { format!("{SETTINGS} {own}") };

@@ -21,6 +21,7 @@ use crate::files::photos::{Photo, PhotoSet};
 use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Advice, Enough};
 use crate::planner::plan::target::Target;
+use crate::planner::quality::expected::decibels;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::directions::Unit;
 use crate::scene::lens::Distortion;
@@ -127,7 +128,8 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let (enough, points) = (advice.enough, advice.points.into_iter().zip(advice.unseen));
     let uncovered = points.filter_map(|(point, unseen)| unseen.then_some(point)).collect();
     say!("photos   {}; no photo shows {:.1}% of what viewers look at", cameras.len(), 100.0 * enough.unseen);
-    say!("gain     {:+.2} dB (sd {:.2}) are expected of {} more", enough.gain_db, enough.gain_sd_db, next.len());
+    let gain = decibels(enough.gain_db, 2);
+    say!("gain     {gain} (sd {:.2}) are expected of {} more", enough.gain_sd_db, next.len());
     if matches!(unit, Unit::Step(_)) {
         say!("lengths  in steps: {said}");
     }

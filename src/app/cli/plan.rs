@@ -32,6 +32,7 @@ use crate::planner::plan::pipeline::{self, Tools};
 use crate::planner::plan::preparation::Preparation;
 use crate::planner::plan::problem::Problem;
 use crate::planner::plan::{curve, footprint};
+use crate::planner::quality::expected::decibels;
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
 
@@ -306,7 +307,7 @@ fn draw_curve(context: &Arc<Context>, problem: &Problem<'_>, config: &Config, fo
     progress.finish();
     let points = points?;
     for point in &points {
-        say!("{:>5} {:>+6.2} dB {:>7.1}%", point.views, point.db, 100.0 * point.unseen);
+        say!("{:>5} {:>9} {:>7.1}%", point.views, decibels(point.db, 2), 100.0 * point.unseen);
     }
     print_messages(context);
     say!("{}", curve::sentence(&points, kept));

@@ -11,7 +11,7 @@ use super::session::Ended;
 use crate::files::io::folder::{check_file, write_files};
 use crate::lab::evaluate::layouts::Trained;
 use crate::lab::quality_fit::{self, Agreement, Correlation};
-use crate::planner::quality::law::Fitted;
+use crate::planner::quality::law::{Coefficients, Fitted};
 use crate::{Error, Result};
 
 /// Arguments of `camsplat quality`.
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
             let of_scene = scene.name.replace([',', '"', '\n'], ";");
             let expected = fit.expected(scene);
             let situation = runs.situation.name();
-            let scored = runs.scored(context, &fit.law.law())?;
+            let scored = runs.scored(context, &fit.law.coefficients.on_device())?;
             for ((layout, expected), scored) in scene.layouts.iter().zip(expected).zip(scored) {
                 let (name, of, psnr) = (layout.name.replace([',', '"', '\n'], ";"), layout.views, layout.psnr);
                 // Writing to a string cannot fail.
@@ -118,9 +118,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     Ok(Ended::Done)
 }
 
-fn print_law(law: &Fitted) {
-    let Fitted { nearest, third, farther, most, background, spread: [alike, per], deviation, layouts, scenes, .. } =
-        law;
+fn print_law(fitted: &Fitted) {
+    let Fitted { coefficients, spread: [alike, per], deviation, layouts, scenes, .. } = fitted;
+    let Coefficients { nearest, third, farther, most, background } = coefficients;
     let beside = if *background > 0.0 { format!(", weight beside objects {background:.4}") } else { String::new() };
     let ending = most.map_or("without an end".into(), |most| format!("ending at {most:.2}"));
     say!("law      z = {nearest:.3} g1 + {third:.3} g3 + {farther:.3} max(ln r, 0), {ending}{beside}");

@@ -21,6 +21,7 @@ use crate::planner::plan::gate::Gate;
 use crate::planner::plan::pipeline::{self};
 use crate::planner::plan::record::Expected;
 use crate::planner::plan::target::Target;
+use crate::planner::quality::expected::decibels;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
 use crate::{Error, Result};
@@ -127,7 +128,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         }
         let (surface, path) = (arguments.surface.display(), path.display());
         if let (Some(own), Some(db)) = (&own, enough.over_own_db) {
-            say!("change   {db:+.1} dB against the {} photos of {surface}", own.len());
+            say!("change   {} against the {} photos of {surface}", decibels(db, 1), own.len());
         }
         say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next");
     }

@@ -9,6 +9,7 @@ use super::text::{escape, number};
 use crate::Result;
 use crate::files::photos::Photo;
 use crate::planner::metrics::Metrics;
+use crate::planner::quality::expected::decibels;
 use crate::planner::select::selection::Suggested;
 use crate::splats::data::pictures::{self, Picture};
 
@@ -66,7 +67,7 @@ impl ChosenPhoto {
 
 /// Decibels that a suggested photo would add, with sign and unit.
 pub fn gain(suggested: &Suggested) -> String {
-    format!("{:+.2} dB", suggested.gain_db)
+    decibels(suggested.gain_db, 2)
 }
 
 /// Data URLs of photos, small and without distortion, in their order; none where there is no image that can be read, and of those

@@ -20,6 +20,7 @@ use crate::lab::evaluate::results::Entry;
 use crate::lab::evaluate::scene::Scene;
 use crate::lab::evaluate::table::DECIMALS;
 use crate::planner::methods::Method;
+use crate::planner::quality::expected::decibels;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
@@ -261,11 +262,11 @@ fn figures(demo: &Demo) -> String {
     if let Some(expected) = &demo.plan.record.expected {
         let against = METHODS.iter().position(|method| expected.against.starts_with(method.name()));
         let measured = against.and_then(|row| Some(of(0, 0)? - of(row, 0)?));
-        let measured = measured.map_or_else(String::new, |db| format!("; measured {db:+.1} dB"));
+        let measured = measured.map_or_else(String::new, |db| format!("; measured {}", decibels(db, 1)));
         let _ = write!(
             text,
-            "<caption>Expected before a photo was taken: {:+.1} dB (standard deviation {:.1}) over the {}{measured}.</caption>",
-            expected.db,
+            "<caption>Expected before a photo was taken: {} (standard deviation {:.1}) over the {}{measured}.</caption>",
+            decibels(expected.db, 1),
             expected.sd,
             escape(&expected.against)
         );

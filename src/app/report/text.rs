@@ -7,6 +7,7 @@ use std::path::Path;
 use super::Kind;
 use crate::planner::metrics::Metrics;
 use crate::planner::plan::record::{PlanRecord, Status};
+use crate::planner::quality::expected::decibels;
 use crate::scene::region::Shape;
 
 /// Replaces each `{{slot}}` of `template` by what `value` gives for it. What is put in is not searched for slots again,
@@ -309,9 +310,9 @@ impl Row {
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
-            "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{:+.2} dB</strong><span>against {}, \
+            "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{}</strong><span>against {}, \
              standard deviation {:.2} dB; no camera sees {:.1}% of what viewers look at{}</span></div>\n",
-            expected.db,
+            decibels(expected.db, 2),
             escape(&expected.against),
             expected.sd,
             100.0 * expected.unseen,

@@ -47,6 +47,8 @@ impl SceneArtifacts<'_> {
             viewers: self.viewers.clone(),
             ..method.config(self.kind.preset(), views, seed)?
         };
+        let lens = method.lens(self.intrinsics());
+        let method = method.chooser();
         let baseline = match method {
             Competitor::Method(placing) if placing.planner(&config).is_none() => Some(sized(
                 baselines::request::BaselineRequest::new(*placing, None, &config)?,
@@ -59,20 +61,20 @@ impl SceneArtifacts<'_> {
             (true, BaselinesFrom::Sphere, Kind::Object) => self.scene.region.outermost(),
             _ => self.scene.region,
         };
-        let (intrinsics, device) = (self.intrinsics(), &self.context.physical().name);
-        let kept = self.scene.kept(intrinsics, views, seed)?;
+        let device = &self.context.physical().name;
+        let kept = self.scene.kept(self.intrinsics(), views, seed)?;
         let limits = &self.scene.limits;
         let cameras = |layout: &Given| layout.cameras(&self.scene.name, views, seed, self.settings.size);
         let photographs = matches!(method, Competitor::Method(placing) if placing.needs_photographs());
         let mut made_of = match method {
             // Independent of their names and, where the files are, of the seed.
             Competitor::Cameras(layout) => json!({
-                "surface": given.shown.key(), "given": cameras(layout).0, "region": region, "camera": intrinsics, "device": device,
+                "surface": given.shown.key(), "given": cameras(layout).0, "region": region, "camera": lens, "device": device,
                 "limits": limits, "viewers": config.viewers, "kept": kept,
             }),
             _ => json!({
                 "surface": given.shown.key(), "model": model.map(Artifact::key), "method": method, "config": config, "baseline": baseline,
-                "region": region, "camera": intrinsics, "device": device, "limits": limits, "kept": kept,
+                "region": region, "camera": lens, "device": device, "limits": limits, "kept": kept,
                 "samples": photographs.then_some(self.settings.samples),
             }),
         };
@@ -91,7 +93,7 @@ impl SceneArtifacts<'_> {
         }
         let scored = baseline.is_none() && config.of_paper().is_some();
         let target = self.target(given, &region, scored)?;
-        let problem = Problem::new(&target, intrinsics, &kept)?;
+        let problem = Problem { lens, ..Problem::new(&target, self.intrinsics(), &kept)? };
         let plan = match (baseline, method) {
             (Some(request), _) => {
                 let model = model.map(training::model).transpose()?;
@@ -110,7 +112,7 @@ impl SceneArtifacts<'_> {
                 plan::pipeline::given(&self.context, &problem, poses, method.name(), &config)?
             }
             (None, Competitor::Method(Method::OursTwoPasses)) => {
-                passes::run(self, given, &kept, &config, &mut *observe)?
+                passes::run(self, given, (lens, &kept), &config, &mut *observe)?
             }
             (None, _) => plan::pipeline::run(&self.context, &problem, config, Tools::default(), |_| {
                 observe(ArtifactEvent::Working)

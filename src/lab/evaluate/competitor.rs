@@ -1,15 +1,18 @@
 //! The methods that are compared.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::sync::Arc;
 
 use serde::Serialize;
+use serde_json::Value;
 
 use super::given::Given;
 use super::kind::Kind;
 use crate::planner::methods::{METHODS, Method};
 use crate::planner::plan::config::{Config, Preset};
+use crate::scene::camera::Intrinsics;
 use crate::{Error, Result};
 
 /// What is compared: a method, the planner with other settings, or cameras of the user's.
@@ -18,12 +21,24 @@ pub enum Competitor {
     /// A method of this crate.
     Method(Method),
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
-    /// [`Config`] as `plan.json` has them.
+    /// [`Config`] as `plan.json` has them, such as `law.nearest` for one within another.
     Tuned(Arc<str>),
+    /// One of these two whose cameras have another lens: `METHOD@DEGREES`.
+    Through(Arc<Lens>),
     /// Cameras that are there already, `cameras:FILE` or `lenses:FILE`, at the budgets of their numbers.
     Cameras(Arc<Given>),
 }
 
+/// A method, and the lens of its cameras.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Lens {
+    name: String,
+    method: Competitor,
+    degrees: u32,
+}
+
+/// Fields of view that a lens may have, in degrees.
+const DEGREES: RangeInclusive<u32> = 2..=160;
 /// Keys that [`Competitor::Tuned`] leaves alone: the evaluation sets them itself.
 const OWN: [&str; 6] = ["views", "seed", "preset", "held_out", "checkpoint_every", "objective"];
 /// What [`Competitor::Tuned`] begins with, and the method whose configuration it changes.
@@ -35,7 +50,26 @@ impl Competitor {
         match self {
             Self::Method(method) => method.name(),
             Self::Tuned(name) => name,
+            Self::Through(lens) => &lens.name,
             Self::Cameras(given) => &given.name,
+        }
+    }
+
+    /// The method without its lens.
+    pub fn chooser(&self) -> &Self {
+        match self {
+            Self::Through(lens) => &lens.method,
+            method => method,
+        }
+    }
+
+    /// The lens of its cameras, where all have `usual` but those with one of their own; tests have that too.
+    pub fn lens(&self, usual: Intrinsics) -> Intrinsics {
+        match self {
+            Self::Through(lens) => {
+                Intrinsics::from_fov(usual.width, usual.height, f64::from(lens.degrees).to_radians())
+            }
+            _ => usual,
         }
     }
 
@@ -59,6 +93,7 @@ impl Competitor {
                 config.map_err(|what| Error::request(format!("method {name}: {what}")))?
             }
             Self::Method(method) => method.planner(&plain).unwrap_or(plain),
+            Self::Through(lens) => lens.method.config(preset, views, seed)?,
             Self::Cameras(_) => plain,
         })
     }
@@ -70,7 +105,7 @@ impl Competitor {
 
     /// Whether it chooses by a model of the scene.
     pub fn needs_model(&self) -> bool {
-        matches!(self, Self::Method(method) if method.needs_model())
+        matches!(self.chooser(), Self::Method(method) if method.needs_model())
     }
 
     /// Rejects what does not fit subjects of a kind.
@@ -79,13 +114,14 @@ impl Competitor {
     /// In a line that names the method.
     pub fn check(&self, kind: Kind) -> Result<()> {
         let wrong = |why: &str| Err(Error::request(format!("--methods {self}: {why}; leave it out")));
-        let Self::Method(method) = self else {
+        let Self::Method(method) = self.chooser() else {
             return match kind {
                 Kind::Pool => wrong("it places cameras, and of a pool photos are chosen"),
                 _ => Ok(()),
             };
         };
         match (kind, method) {
+            (Kind::Pool, _) if matches!(self, Self::Through(_)) => wrong("photos have been taken with their lenses"),
             (Kind::Room, Method::Fibonacci) => {
                 wrong("it places cameras on a sphere around an object, and a room has none")
             }
@@ -114,17 +150,26 @@ fn tuned(name: &str) -> Option<(Method, &str)> {
 
 /// The configuration with the value of a key set, or what is wrong with them.
 fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
-    let fields = serde_json::to_value(&config).ok().and_then(|config| config.as_object().cloned());
-    let mut fields = fields.ok_or("the configuration cannot be written")?;
-    let known: Vec<&str> = fields.keys().map(String::as_str).filter(|key| !OWN.contains(key)).collect();
-    let known = known.join(", ");
+    let mut fields = serde_json::to_value(&config).map_err(|error| error.to_string())?;
+    let known = keys(&fields).join(", ");
     if OWN.contains(&key) {
         return Err(format!("{key} is the evaluation's; give some of {known}"));
     }
-    let field = fields.get_mut(key).ok_or(format!("no such key: {key}; give some of {known}"))?;
+    let field = fields.pointer_mut(&format!("/{}", key.replace('.', "/")));
+    let field = field.filter(|field| !field.is_object()).ok_or(format!("no such key: {key}; give some of {known}"))?;
     // A word that is no JSON is a string.
     *field = serde_json::from_str(value).unwrap_or_else(|_| value.into());
-    serde_json::from_value(fields.into()).map_err(|error| format!("{key} cannot be {value}: {error}"))
+    serde_json::from_value(fields).map_err(|error| format!("{key} cannot be {value}: {error}"))
+}
+
+/// The keys that can be set, with those within others behind a point.
+fn keys(fields: &Value) -> Vec<String> {
+    let of = |(key, value): (&String, &Value)| match value {
+        Value::Object(_) => keys(value).into_iter().map(|within| format!("{key}.{within}")).collect(),
+        _ => vec![key.clone()],
+    };
+    let all = fields.as_object().into_iter().flatten().flat_map(of);
+    all.filter(|key| !OWN.contains(&key.as_str())).collect()
 }
 
 impl Serialize for Competitor {
@@ -146,6 +191,16 @@ impl FromStr for Competitor {
         if let Some(given) = Given::parse(name) {
             return given.map(|given| Self::Cameras(Arc::new(given)));
         }
+        if let Some((method, degrees)) = name.rsplit_once('@') {
+            let parsed = degrees.parse().ok().filter(|degrees| DEGREES.contains(degrees));
+            let (least, most) = (DEGREES.start(), DEGREES.end());
+            let degrees =
+                parsed.ok_or(format!("{degrees} is no field of view; give whole degrees, {least} to {most}"))?;
+            return match method.parse()? {
+                Self::Through(_) => Err("it has two lenses; give one".into()),
+                method => Ok(Self::Through(Arc::new(Lens { name: name.to_owned(), method, degrees }))),
+            };
+        }
         if tuned(name).is_some() {
             return Ok(Self::Tuned(name.into()));
         }
@@ -153,8 +208,9 @@ impl FromStr for Competitor {
             Some(method) => Ok(Self::Method(method)),
             None => {
                 let known = METHODS.iter().map(|entry| entry.name);
-                let known: Vec<&str> =
-                    known.chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "cameras:FILE", "lenses:FILE"]).collect();
+                let known: Vec<&str> = known
+                    .chain(["ours:KEY=VALUE", "paper:KEY=VALUE", "METHOD@DEGREES", "cameras:FILE", "lenses:FILE"])
+                    .collect();
                 Err(format!("no such method; give some of {}", known.join(", ")))
             }
         }
@@ -175,6 +231,8 @@ mod tests {
         assert!(check(Kind::Room, "paper-iterative").is_ok() && check(Kind::Pool, "ours").is_ok());
         assert!(check(Kind::Pool, "paper-iterative").unwrap_err().contains("paper-iterative"));
         assert!(check(Kind::Pool, "paper:alpha=0.2").unwrap_err().contains("photos are chosen"));
+        assert!(check(Kind::Pool, "ours@80").unwrap_err().contains("with their lenses"));
+        assert!(check(Kind::Room, "fibonacci@80").unwrap_err().contains("--methods fibonacci@80"));
         assert!(
             check(Kind::Pool, "assigned").is_ok()
                 && check(Kind::Room, "assigned").unwrap_err().contains("among photos")
@@ -186,7 +244,17 @@ mod tests {
     fn every_method_is_found_by_its_name() {
         let plans = METHODS.iter().filter(|entry| entry.places).map(|entry| Competitor::Method(entry.method));
         let set = Competitor::Tuned("paper:alpha=0.2:gate=pinhole_hard:scale=0.5".into());
-        for method in plans.chain([set.clone()]) {
+        let lens = Lens {
+            name: "ours:law.most=4.5@80".into(),
+            method: Competitor::Tuned("ours:law.most=4.5".into()),
+            degrees: 80,
+        };
+        let lens = Competitor::Through(Arc::new(lens));
+        let law = lens.config(Preset::Room, 20, 3).unwrap().law().coefficients;
+        assert_eq!((law.most, lens.chooser().name()), (Some(4.5), "ours:law.most=4.5"));
+        let usual = Intrinsics::from_fov(64, 48, 1.0);
+        assert!((lens.lens(usual).fov()[0].to_degrees() - 80.0).abs() < 1e-9 && lens.chooser().lens(usual) == usual);
+        for method in plans.chain([set.clone(), lens]) {
             assert!(method.takes(7));
             assert_eq!(method.name().parse(), Ok(method));
         }
@@ -200,9 +268,17 @@ mod tests {
             ("ours:", "key"),
             ("ours:views=9", "views is the evaluation's"),
             ("paper:alpha=0.1:alpha=0.2", "alpha is given twice"),
+            ("ours:law=1", "law.nearest"),
+            ("ours:law.nearest=wide", "law.nearest cannot be wide"),
         ] {
             let error = wrong.parse::<Competitor>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
+        }
+        for (wrong, why) in
+            [("ours@wide", "wide is no field of view"), ("ours@180", "180"), ("acp@50@60", "two lenses")]
+        {
+            let error = wrong.parse::<Competitor>().unwrap_err();
+            assert!(error.contains(why), "{error}");
         }
         assert!("cameras:".parse::<Competitor>().unwrap_err().contains("name a file"));
         assert!("nobodys".parse::<Competitor>().unwrap_err().ends_with(", cameras:FILE, lenses:FILE"));

@@ -6,7 +6,7 @@ use crate::planner::methods::Method;
 use crate::planner::plan::config::Config;
 use crate::planner::plan::pipeline::{self, Plan, Tools};
 use crate::planner::plan::problem::Problem;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::surface::Surface;
 use crate::{Error, Result};
 
@@ -20,16 +20,16 @@ use crate::{Error, Result};
 pub fn run(
     artifacts: &SceneArtifacts<'_>,
     given: MethodInputs<'_>,
-    kept: &[Camera],
+    (lens, kept): (Intrinsics, &[Camera]),
     config: &Config,
     observe: Observe,
 ) -> Result<Plan> {
-    let (context, lens) = (artifacts.context(), artifacts.intrinsics());
+    let context = artifacts.context();
     let first = Config { views: config.views / 2, ..config.clone() };
     let rest = Config { views: config.views - first.views, ..config.clone() };
     let target = artifacts.target(given, &artifacts.scene().region, false)?;
     let tools = Tools::default();
-    let problem = Problem::new(&target, lens, kept)?;
+    let problem = Problem { lens, ..Problem::new(&target, artifacts.intrinsics(), kept)? };
     let begun = pipeline::run(context, &problem, first, tools, |_| observe(ArtifactEvent::Working))?;
     if begun.interrupted() {
         return Err(Error::Interrupted);
@@ -41,7 +41,8 @@ pub fn run(
     let known = Surface::Points(artifacts.reconstructed(&set)?);
     let target = artifacts.held(artifacts.target_of(&known, &artifacts.scene().region)?, &known, || Ok(set))?;
     let tools = Tools::default();
-    let problem = Problem::new(&target, lens, &taken)?;
+    let viewers_lens = problem.viewers_lens;
+    let problem = Problem { viewers_lens, ..Problem::new(&target, lens, &taken)? };
     let mut plan = pipeline::run(context, &problem, rest, tools, |_| observe(ArtifactEvent::Working))?;
     plan.record.method = Method::OursTwoPasses.name().to_owned();
     plan.record.seconds += begun.record.seconds;

@@ -126,7 +126,8 @@ impl EvaluationRequest {
                 return Err(Error::request(format!("method {method}: {what}")));
             }
         }
-        let in_passes = methods.contains(&Competitor::Method(Method::OursTwoPasses));
+        let two_passes = Competitor::Method(Method::OursTwoPasses);
+        let in_passes = methods.iter().any(|method| *method.chooser() == two_passes);
         if in_passes && (settings.shown == Shown::True || budgets.iter().any(|views| *views < 4)) {
             return Err(Error::request(
                 "--methods ours-two-passes: its second pass goes by what the photographs of the first show, 2 or more each; give \

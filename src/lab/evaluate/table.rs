@@ -225,7 +225,13 @@ fn conditions(request: &EvaluationRequest) -> String {
         false => "",
     };
     let own_lenses = |method: &Competitor| matches!(method, Competitor::Cameras(given) if given.has_own_lenses());
-    let lenses = if request.methods.iter().any(own_lenses) { ", lenses:FILE with the lenses of the file" } else { "" };
+    let mut lenses = String::new();
+    if request.methods.iter().any(own_lenses) {
+        lenses += ", lenses:FILE with the lenses of the file";
+    }
+    if request.methods.iter().any(|method| matches!(method, Competitor::Through(_))) {
+        lenses += ", METHOD@DEGREES with a lens of so many degrees";
+    }
     let looking = if request.viewers.is_default() { "" } else { ", test views from where `--viewers` says" };
     let tests = match &request.viewers {
         Viewers::Cameras(all) => settings.tests.min(all.len() as u32),

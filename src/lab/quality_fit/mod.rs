@@ -15,7 +15,7 @@ use serde::Serialize;
 pub use observation::{Layout, Observations};
 use solver::{BESIDE, FARTHER, MOST, N, THIRD};
 
-use crate::planner::quality::law::{FARTHEST, Fitted, NO_END};
+use crate::planner::quality::law::{Coefficients, FARTHEST, Fitted, NO_END};
 use crate::{Error, Result};
 
 /// Fewest layouts of a scene that can be compared.
@@ -41,7 +41,7 @@ pub struct Fit {
 impl Fit {
     /// Expected quality of each of a scene's layouts on its test views, in decibels up to the scene's own level.
     pub fn expected(&self, scene: &Observations) -> Vec<f64> {
-        let Fitted { nearest, third, farther, background, most, .. } = self.law;
+        let Coefficients { nearest, third, farther, background, most } = self.law.coefficients;
         // A room has no pixels beside it.
         let log_weight = if background > 0.0 { background.ln() } else { 0.0 };
         solver::expected(scene, &[nearest, third, farther, log_weight, most.unwrap_or(NO_END)])
@@ -136,19 +136,21 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     let of_spread = if held.is_empty() { &fitted } else { &held };
     let spread = spread(&pairs(of_spread, true), &pairs(of_spread, false));
     let law = Fitted {
-        nearest: best[0],
-        third: best[THIRD],
-        farther: best[FARTHER],
-        most: free[MOST].then_some(best[MOST]),
-        background: if free[BESIDE] { best[BESIDE].exp() } else { 0.0 },
+        coefficients: Coefficients {
+            nearest: best[0],
+            third: best[THIRD],
+            farther: best[FARTHER],
+            most: free[MOST].then_some(best[MOST]),
+            background: if free[BESIDE] { best[BESIDE].exp() } else { 0.0 },
+        },
         spread,
         deviation,
         scenes: own_names,
         held_out: names(&held),
         layouts: fitted.iter().map(|scene| scene.layouts.len()).sum(),
     };
-    law.check()?;
-    if object && law.background < 1e-6 {
+    law.coefficients.check()?;
+    if object && law.coefficients.background < 1e-6 {
         return Err(Error::request(
             "the weight beside objects vanishes, without which they would be taken for rooms; train layouts that differ more",
         ));
@@ -264,7 +266,7 @@ mod tests {
         let theta = [1.3, 0.6, 0.8, -2.8, 2.0];
         let scenes: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.0, 40 + i)).collect();
         let found = fit(&scenes, &["s4".into()]).unwrap();
-        let Fitted { nearest, third, farther, background, most, .. } = found.law;
+        let Coefficients { nearest, third, farther, background, most } = found.law.coefficients;
         for (value, wanted) in [nearest, third, farther, background.ln(), most.unwrap()].into_iter().zip(theta) {
             assert!((value - wanted).abs() < 1e-6, "{:?}", found.law);
         }
@@ -275,7 +277,9 @@ mod tests {
         let noisy: Vec<_> = (0..5).map(|i| scene(&format!("s{i}"), theta, 0.05, 80 + i)).collect();
         let found = fit(&noisy, &[]).unwrap();
         let deviation = found.law.deviation.unwrap();
-        for ((value, wanted), sd) in [found.law.nearest, found.law.third].into_iter().zip(theta).zip(deviation) {
+        for ((value, wanted), sd) in
+            [found.law.coefficients.nearest, found.law.coefficients.third].into_iter().zip(theta).zip(deviation)
+        {
             assert!((value - wanted).abs() < 4.0 * sd && sd < 0.5, "{value} is not {wanted} within {sd}");
         }
         assert!((found.law.spread[0] - 0.05 * 2f64.sqrt()).abs() < 0.02, "{:?}", found.law.spread);
@@ -295,10 +299,13 @@ mod tests {
         let rooms = |theta| [room("a", theta, 50), room("b", theta, 51), room("c", theta, 52)];
         // Errors that fall by the third view cannot be of a law; those that never end have none.
         let found = fit(&rooms([1.5, -0.2, 0.6, 0.0, 2.0]), &[]).unwrap().law;
-        assert!(found.third == 0.0 && found.background == 0.0 && found.nearest > 1.0, "{found:?}");
-        assert!((found.most.unwrap() - 2.0).abs() < 0.3, "{found:?}");
+        assert!(
+            found.coefficients.third == 0.0 && found.coefficients.background == 0.0 && found.coefficients.nearest > 1.0,
+            "{found:?}"
+        );
+        assert!((found.coefficients.most.unwrap() - 2.0).abs() < 0.3, "{found:?}");
         let found = fit(&rooms([1.5, 0.4, 0.6, 0.0, NO_END]), &[]).unwrap().law;
-        assert!(found.most.is_none() && (found.third - 0.4).abs() < 1e-6, "{found:?}");
+        assert!(found.coefficients.most.is_none() && (found.coefficients.third - 0.4).abs() < 1e-6, "{found:?}");
         assert_eq!(found.deviation.unwrap()[3..], [0.0; 2]);
         // One law is of rooms, or of objects.
         let both = [room("a", START, 50), scene("b", START, 0.0, 51)];

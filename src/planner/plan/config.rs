@@ -7,6 +7,7 @@ use super::expected_quality::QualityConfig;
 use super::gate::Gate;
 use super::paper::PaperConfig;
 use crate::planner::methods::Method;
+use crate::planner::quality::law::Fitted;
 use crate::planner::quality::viewers::Viewers;
 use crate::{Error, Result};
 
@@ -92,7 +93,7 @@ impl Config {
             decay: 0.05,
             held_out: 1000,
             checkpoint_every: 50,
-            minimise: Minimise::Quality(QualityConfig::default()),
+            minimise: Minimise::Quality(QualityConfig::new(preset == Preset::Object)),
         }
     }
 
@@ -167,14 +168,14 @@ impl Config {
     ///
     /// # Errors
     /// Where another objective is minimised.
-    pub fn connected(self, degrees: f32) -> Result<Self> {
-        if self.of_quality().is_none() {
+    pub fn connected(mut self, degrees: f32) -> Result<Self> {
+        let Minimise::Quality(own) = &mut self.minimise else {
             return Err(Error::request(
                 "`connect` goes with expected quality alone; leave it out, or the paper's objective",
             ));
-        }
-        let minimise = Minimise::Quality(QualityConfig { connect: Some(degrees), direct: false });
-        Ok(Self { minimise, iterations: 1000, ..self })
+        };
+        own.connect = Some(degrees);
+        Ok(Self { iterations: 1000, ..self })
     }
 
     /// The same as [`Self::connected`], each camera with one that is kept, not by way of others.
@@ -182,8 +183,17 @@ impl Config {
     /// # Errors
     /// As there.
     pub fn connected_to_kept(self, degrees: f32) -> Result<Self> {
-        let minimise = Minimise::Quality(QualityConfig { connect: Some(degrees), direct: true });
-        Ok(Self { minimise, ..self.connected(degrees)? })
+        let mut connected = self.connected(degrees)?;
+        if let Minimise::Quality(own) = &mut connected.minimise {
+            own.direct = true;
+        }
+        Ok(connected)
+    }
+
+    /// The law that plans are judged by, with its spread: that of expected quality, or the one that is built in.
+    pub fn law(&self) -> Fitted {
+        let fitted = Fitted::embedded(self.preset == Preset::Object);
+        Fitted { coefficients: self.of_quality().map_or(fitted.coefficients, |own| own.law), ..fitted }
     }
 
     /// Angle between neighbours, in degrees, where cameras are to connect.

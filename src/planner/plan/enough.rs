@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::config::{Config, Preset};
+use super::config::Config;
 use super::pipeline::expected_beside;
 use super::preparation::Preparation;
 use super::problem::Problem;
@@ -14,7 +14,6 @@ use super::reference::Reference;
 use super::target::Target;
 use crate::engine::parallel::mapped;
 use crate::engine::vulkan::Context;
-use crate::planner::quality::law::Fitted;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::SurfacePoint;
 use crate::{Error, Result};
@@ -115,7 +114,7 @@ impl Advice {
         let enough = Enough {
             more: config.views,
             gain_db,
-            gain_sd_db: Fitted::embedded(config.preset == Preset::Object).spread(gain_db),
+            gain_sd_db: config.law().spread(gain_db),
             unseen: before.unseen,
             over_own_db,
             weak: weak(&points, &errors, radius, cameras),

@@ -24,7 +24,6 @@ use crate::files::io::folder::make_parent;
 use crate::planner::metrics::score_point::{Field, Scorer, aggregate};
 use crate::planner::metrics::{Metrics, PointMetrics};
 use crate::planner::quality::expected::Expectation;
-use crate::planner::quality::law::Fitted;
 use crate::planner::quality::map::ErrorMap;
 use crate::scene::camera::{Camera, Intrinsics, Pose, middle_lens};
 use crate::scene::layouts;
@@ -149,7 +148,7 @@ pub fn run(
         && expected.db == 0.0
         && began_from.as_ref() == Some(&expected.against)
     {
-        let least = Fitted::embedded(config.preset == Preset::Object).spread(0.0);
+        let least = config.law().spread(0.0);
         expected.reason = Some(format!(
             "the plan is that layout itself: the descent gains less than {least:.2} dB, too little to be distinguished"
         ));

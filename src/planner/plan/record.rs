@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::planner::metrics::Metrics;
+use crate::planner::quality::expected::decibels;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
 use crate::scene::region::Region;
@@ -92,8 +93,8 @@ impl Expected {
     /// In words, on one line.
     pub fn line(&self) -> String {
         format!(
-            "{:+.2} dB (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
-            self.db,
+            "{} (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
+            decibels(self.db, 2),
             self.sd,
             self.against,
             100.0 * self.unseen

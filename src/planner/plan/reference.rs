@@ -87,8 +87,8 @@ impl<'a> Reference<'a> {
         let inward = config.preset == Preset::Object;
         let seed = config.seed ^ JUDGE_SEED;
         let viewers = config.viewers.sample(&scene.geometry, *viewers_lens, inward, seed, VIEWERS)?;
-        let fitted = Fitted::embedded(inward);
-        let law = fitted.law();
+        let fitted = config.law();
+        let law = fitted.coefficients.on_device();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
         let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
@@ -227,7 +227,8 @@ impl<'a> Reference<'a> {
     /// Where the device fails.
     pub fn prediction(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Prediction> {
         let expectation = self.judge.expect(cameras)?;
-        let map = error_map(&self.judge, &self.scene.geometry, self.around, &self.law.law(), cameras, points)?;
+        let law = self.law.coefficients.on_device();
+        let map = error_map(&self.judge, &self.scene.geometry, self.around, &law, cameras, points)?;
         Ok(Prediction { expected: self.compare(&expectation), map })
     }
 

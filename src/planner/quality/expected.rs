@@ -69,6 +69,13 @@ pub struct Expectation {
     pub viewers: Vec<Option<f32>>,
 }
 
+/// A difference of quality as texts have it: with its sign and unit, and as +0 where it is too small for so many decimals.
+pub fn decibels(difference: f64, decimals: usize) -> String {
+    let scale = 10f64.powi(decimals as i32);
+    // The sum with zero is of no sign.
+    format!("{:+.decimals$} dB", (difference * scale).round() / scale + 0.0)
+}
+
 /// Viewers with what they see, ready to judge sets of cameras.
 pub struct Judge<'a> {
     context: Arc<Context>,
@@ -259,4 +266,17 @@ pub fn expect(
         viewer_errors.push(viewer_error);
     }
     (looks, aggregate(&viewer_errors))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, a plan would be said to lose -0.00 dB.
+    #[test]
+    fn a_difference_that_rounds_to_nothing_has_no_minus() {
+        let texts = [-0.004, -0.0, 0.004, -0.006, 1.25].map(|db| decibels(db, 2));
+        assert_eq!(texts, ["+0.00 dB", "+0.00 dB", "+0.00 dB", "-0.01 dB", "+1.25 dB"]);
+        assert_eq!(decibels(-0.04, 1), "+0.0 dB");
+    }
 }

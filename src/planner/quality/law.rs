@@ -62,7 +62,7 @@ crate::gpu_struct! {
 impl Law {
     /// The one that is built in, of objects or of rooms.
     pub fn embedded(object: bool) -> Self {
-        Fitted::embedded(object).law()
+        Coefficients::embedded(object).on_device()
     }
 
     /// Squared error at a look whose viewer's picture has this footprint and whose nearest views are these, beside what the material makes
@@ -86,10 +86,10 @@ impl Law {
     }
 }
 
-/// A fitted law, and what it was fitted to: the contents of a law's file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The law's coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Fitted {
+pub struct Coefficients {
     /// `b1`, for a radian of the nearest view's angle.
     pub nearest: f64,
     /// `b3`, for a radian of the third nearest one's. The second adds nothing to the two.
@@ -100,6 +100,50 @@ pub struct Fitted {
     pub most: Option<f64>,
     /// Weight of a look beside the surface of an object.
     pub background: f64,
+}
+
+impl Coefficients {
+    /// Of the law that is built in, of objects or of rooms.
+    pub fn embedded(object: bool) -> Self {
+        Fitted::embedded(object).coefficients
+    }
+
+    /// Rejects a law by which more views could be worse than fewer: plans would move away from what viewers look at.
+    ///
+    /// # Errors
+    /// In a line that names the coefficient.
+    pub fn check(&self) -> Result<()> {
+        let all = [
+            ("nearest", self.nearest),
+            ("third", self.third),
+            ("farther", self.farther),
+            ("most", self.most.unwrap_or(NO_END)),
+            ("background", self.background),
+        ];
+        let least = |name: &str| if name == "most" { 1e-6 } else { 0.0 };
+        match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
+            Some((name, value)) => Err(Error::request(format!(
+                "the law's coefficient {name:?} is {value}, and error must rise with angle and footprint, and have a weight beside objects; train layouts that differ more"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// As the device has it.
+    pub fn on_device(&self) -> Law {
+        let [nearest, third, farther, background] =
+            [self.nearest, self.third, self.farther, self.background].map(|value| value as f32);
+        let most = self.most.unwrap_or(NO_END) as f32;
+        Law { angle: [nearest, 0.0, third], farther, background, most, ..Law::default() }
+    }
+}
+
+/// A fitted law, and what it was fitted to: the contents of a law's file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fitted {
+    /// What was fitted.
+    pub coefficients: Coefficients,
     /// Standard deviation in decibels of the trained difference of two layouts about the expected one: of layouts that are expected
     /// to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ by.
     pub spread: [f64; 2],
@@ -129,7 +173,7 @@ impl Fitted {
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let fitted: Self = serde_json::from_str(text)
             .map_err(|e| Error::input(path, format!("no law: {e}; make one with `camsplat quality fit`")))?;
-        fitted.check()?;
+        fitted.coefficients.check()?;
         Ok(fitted)
     }
 
@@ -141,35 +185,6 @@ impl Fitted {
         let text = serde_json::to_string_pretty(self)
             .map_err(|e| Error::request(format!("the law cannot be written as JSON: {e}")))?;
         Ok(text + "\n")
-    }
-
-    /// Rejects a law by which more views could be worse than fewer: plans would move away from what viewers look at.
-    ///
-    /// # Errors
-    /// In a line that names the coefficient.
-    pub fn check(&self) -> Result<()> {
-        let all = [
-            ("nearest", self.nearest),
-            ("third", self.third),
-            ("farther", self.farther),
-            ("most", self.most.unwrap_or(NO_END)),
-            ("background", self.background),
-        ];
-        let least = |name: &str| if name == "most" { 1e-6 } else { 0.0 };
-        match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
-            Some((name, value)) => Err(Error::request(format!(
-                "the law's coefficient {name:?} is {value}, and error must rise with angle and footprint, and have a weight beside objects; train layouts that differ more"
-            ))),
-            None => Ok(()),
-        }
-    }
-
-    /// As the device has it.
-    pub fn law(&self) -> Law {
-        let [nearest, third, farther, background] =
-            [self.nearest, self.third, self.farther, self.background].map(|value| value as f32);
-        let most = self.most.unwrap_or(NO_END) as f32;
-        Law { angle: [nearest, 0.0, third], farther, background, most, ..Law::default() }
     }
 
     /// Standard deviation of a difference that is expected to be `decibels`, in decibels.
@@ -189,10 +204,9 @@ mod tests {
             let fitted = Fitted::embedded(object);
             assert_eq!(fitted.text().unwrap(), text);
             // A weight beside the surface is an object's.
-            assert_eq!(fitted.background > 0.0, object);
+            assert_eq!(fitted.coefficients.background > 0.0, object);
         }
-        let fitted = Fitted::embedded(true);
-        let refused = Fitted { third: -0.1, ..fitted }.check().unwrap_err().to_string();
+        let refused = Coefficients { third: -0.1, ..Coefficients::embedded(true) }.check().unwrap_err().to_string();
         assert!(refused.contains("\"third\" is -0.1"), "{refused}");
     }
 }

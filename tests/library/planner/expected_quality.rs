@@ -6,9 +6,9 @@ use crate::support::device::{context, silent};
 use crate::support::plans::{Scene, intrinsics, object, planner, preparation, room};
 use camsplat::Error;
 use camsplat::engine::vulkan::Recorder;
-use camsplat::planner::plan::config::{Config, Preset};
-use camsplat::planner::plan::expected_quality::QualityPass;
+use camsplat::planner::plan::config::{Config, Minimise, Preset};
 use camsplat::planner::plan::expected_quality::viewed::{Cameras, viewed};
+use camsplat::planner::plan::expected_quality::{QualityConfig, QualityPass};
 use camsplat::planner::plan::gate::Gate;
 use camsplat::planner::plan::pipeline::{self, Tools};
 use camsplat::planner::plan::planner::Planner;
@@ -19,7 +19,7 @@ use camsplat::planner::plan::simple_layouts;
 use camsplat::planner::plan::start::tangents;
 use camsplat::planner::plan::target::{RegionChoice, Target};
 use camsplat::planner::quality::expected::{Judge, LOOKS, expect};
-use camsplat::planner::quality::law::Law;
+use camsplat::planner::quality::law::{Coefficients, Law};
 use camsplat::planner::quality::look::Surroundings;
 use camsplat::planner::quality::viewers::Viewers;
 use camsplat::scene::camera::{Camera, Intrinsics};
@@ -94,10 +94,13 @@ fn an_iteration_is_that_of_the_twin() {
     for (name, scene, preset) in [("object", object(&context), Preset::Object), ("room", room(&context), Preset::Room)]
     {
         for (gate, views) in [(Gate::Pinhole, 30), (Gate::Soft, 9), (Gate::PinholeHard, 30)] {
-            let config = Config { iterations: 1, gate, seed: 4, ..Config::new(preset, views) };
-            assert!(config.of_quality().is_some(), "the default is what is tested here");
-            // An end that most errors are near to; cameras that are there already see finer than viewers, or coarser.
-            let law = Law { most: 2.5, ..Law::embedded(true) };
+            // An end that most errors are near to.
+            let own = QualityConfig::new(preset == Preset::Object);
+            let own = QualityConfig { law: Coefficients { most: Some(2.5), ..own.law }, ..own };
+            let law = own.law.on_device();
+            let minimise = Minimise::Quality(own);
+            let config = Config { iterations: 1, gate, seed: 4, minimise, ..Config::new(preset, views) };
+            // Cameras that are there already see finer than viewers, or coarser.
             let mut kept = cameras(&scene, 6, preset == Preset::Object);
             for (camera, fov) in kept.iter_mut().zip([30f64, 35.0, 45.0, 80.0, 90.0, 100.0]) {
                 camera.intrinsics = Intrinsics::from_fov(800, 600, fov.to_radians());
@@ -106,8 +109,7 @@ fn an_iteration_is_that_of_the_twin() {
             let lenses: Vec<Intrinsics> = kept.iter().cycle().take(views as usize / 2).map(|c| c.intrinsics).collect();
             let problem = Problem { lenses: lenses.clone(), ..scene.problem(&kept) };
             let preparation = Preparation::new(&context, &problem, config.clone()).expect("a good problem");
-            let planner =
-                Planner::new(&context, &scene.device, preparation.with_law(&context, law)).expect("room for it");
+            let planner = Planner::new(&context, &scene.device, preparation).expect("room for it");
             let outcome = planner.run(None, |_| ControlFlow::Continue(())).expect("a run");
             let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
             let splats: Vec<_> = planner.start().iter().map(|s| (vector(s.centre), vector(s.direction))).collect();

@@ -31,7 +31,7 @@ fn the_penalty_on_the_device_is_that_of_the_twin() {
             (planner.gradients().expect("gradients"), outcome.history[0].reg, planner)
         });
         let geometry = &scene.device.geometry;
-        let linked = QualityConfig { connect: Some(15.0), direct: false };
+        let linked = QualityConfig { connect: Some(15.0), ..QualityConfig::new(true) };
         let links = Links::of(&linked, &scene.target.proxy, geometry, 4).expect("cameras are to connect");
         let start = with.2.start();
         let (from, anchors) = links.anchors(&geometry.bvh, start, &[], 0.0);

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Result;
 use crate::planner::plan::bounds::refused;
+use crate::planner::quality::law::Coefficients;
 
 /// Sums over looks stay within lavapipe's bound on loops.
 const MAX_VIEWERS_A_STEP: u32 = 16_384;
@@ -11,8 +12,10 @@ const MAX_VIEWERS_A_STEP: u32 = 16_384;
 pub(super) const MAX_VIEWERS: u32 = 1 << 15;
 
 /// What expected quality has beside [`crate::planner::plan::config::Config`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct QualityConfig {
+    /// The law that errors are expected by.
+    pub law: Coefficients,
     /// Every camera is to share surface with a neighbour, at no wider angle between the two than this, in degrees, and all of them
     /// to hang together, so that structure from motion can join their photos.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -23,6 +26,11 @@ pub struct QualityConfig {
 }
 
 impl QualityConfig {
+    /// The defaults, of objects or of rooms.
+    pub fn new(object: bool) -> Self {
+        Self { law: Coefficients::embedded(object), connect: None, direct: false }
+    }
+
     /// Checks that the numbers make sense, for so many viewers a step.
     ///
     /// # Errors
@@ -31,6 +39,7 @@ impl QualityConfig {
         if viewers > MAX_VIEWERS_A_STEP {
             return refused("`probes`", viewers, &format!("at most {MAX_VIEWERS_A_STEP} viewers a step"));
         }
+        self.law.check()?;
         match self.connect {
             Some(degrees) if !(1.0..=90.0).contains(&degrees) => {
                 refused("`connect`", degrees, "an angle between 1 and 90 degrees")

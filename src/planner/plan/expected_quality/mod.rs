@@ -87,7 +87,7 @@ pub(super) fn prepare(
         gate_softness: config.gate_softness,
         link_angle: own.connect.unwrap_or(0.0).to_radians(),
     };
-    let law = Law::embedded(config.preset == Preset::Object);
+    let law = own.law.on_device();
     Ok(Arc::new(Quality {
         settings,
         gate: config.gate,
@@ -150,21 +150,8 @@ impl Objective for Quality {
 impl Preparation {
     /// The same run with several threads to a look, or one, instead of what suits the device; as it is where another objective is minimised.
     pub fn with_shared_looks(self, context: &Context, shared: bool) -> Self {
-        self.changed(context, |own| Quality { lanes: if shared { TOGETHER } else { 1 }, ..own })
-    }
-
-    /// The same run by a law of one's own; as it is where another objective is minimised.
-    pub fn with_law(self, context: &Context, law: Law) -> Self {
-        let of_looks = |around: Surroundings| Surroundings {
-            background: if around.background > 0.0 { law.background } else { 0.0 },
-            ..around
-        };
-        self.changed(context, |own| Quality { law, around: of_looks(own.around), ..own })
-    }
-
-    fn changed(self, context: &Context, change: impl FnOnce(Quality) -> Quality) -> Self {
         let objective: &dyn std::any::Any = &*self.objective;
         let Some(own) = objective.downcast_ref::<Quality>().cloned() else { return self };
-        self.with_objective(context, Arc::new(change(own)))
+        self.with_objective(context, Arc::new(Quality { lanes: if shared { TOGETHER } else { 1 }, ..own }))
     }
 }
