@@ -84,26 +84,38 @@ fn cameras_of_a_file_are_a_method() {
 #[test]
 fn a_method_is_compared_with_another_lens() {
     let place = lit_cube();
-    place.done(&format!("{} --out o", TINY.replace("random,ours", "random@80,ours@80")));
-    assert!(place.read("o/table.md").contains("METHOD@DEGREES with a lens of so many degrees"));
-    let (mut wide, mut usual) = (0, 0);
+    place.done(&format!("{} --out o", TINY.replace("random,ours", "random,random@80,ours@80")));
+    assert!(place.read("o/table.md").contains("METHOD@DEGREES with a field of view of so many degrees in place of 50"));
+    let (mut wide, mut usual, mut others) = (0, 0, 0);
     for file in place.files("o").into_iter().filter(|file| file.ends_with("capture.json")) {
         let capture: Value = serde_json::from_str(&place.read(&format!("o/{file}"))).unwrap();
         for camera in capture["cameras"].as_array().unwrap() {
             let degrees = 2.0 * (24.0 / camera["intrinsics"]["focal"][0].as_f64().unwrap()).atan().to_degrees();
             // Planned photos have numbers for names; tests and inputs say what they are.
             let planned = camera["name"].as_str().unwrap().starts_with('0');
-            let wanted = if planned { 80.0 } else { 50.0 };
-            assert!((degrees - wanted).abs() < 1e-3, "{camera} has {degrees} degrees");
-            (wide, usual) = (wide + usize::from(planned), usual + usize::from(!planned));
+            match degrees.round() {
+                80.0 if planned => wide += 1,
+                50.0 if planned => usual += 1,
+                50.0 => others += 1,
+                _ => panic!("{camera} has {degrees} degrees"),
+            }
         }
     }
-    assert!(wide == 8 && usual > 0, "{wide} planned and {usual} others");
+    assert!((wide, usual) == (8, 4) && others > 0, "{wide}, {usual} planned and {others} others");
     let methods = |names: &str| format!("{} --out p", TINY.replace("random,ours", names));
+    // The law that a plan was made by stands in it.
+    place.done(&methods("ours:law.nearest=3:law.most=4@80"));
+    let plan = place.files("p").into_iter().find(|file| file.ends_with("plan.json")).unwrap();
+    let plan: Value = serde_json::from_str(&place.read(&format!("p/{plan}"))).unwrap();
+    let law = &plan["config"]["law"];
+    assert_eq!((&law["nearest"], &law["most"], law["third"] == json!(0.0)), (&json!(3.0), &json!(4.0), false));
     assert_refused(
         &place,
         &[
             (&methods("random@wide"), &["random@wide", "no field of view"]),
+            (&methods("random@80,random@080"), &["--methods", "twice"]),
+            (&methods("random,random@50"), &["--methods", "twice"]),
+            (&methods("ours:law.nearest=-1"), &["ours:law.nearest=-1", "\"nearest\" is -1"]),
             (&methods("random@80@50"), &["two lenses"]),
             ("evaluate --pool cube.gltf --methods ours@80 --out p", &["ours@80", "with their lenses"]),
         ],

@@ -27,8 +27,8 @@ pub struct Arguments {
     /// Some of the scenes, by name
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     scenes: Vec<String>,
-    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE or NAME=lenses:FILE for one of your own, METHOD@DEGREES for another lens [default: random, fvs, acp, ours;
-    /// quick: random, fvs, ours]
+    /// Methods, as of `camsplat evaluate`: NAME=cameras:FILE or NAME=lenses:FILE for one of your own, METHOD@DEGREES for another lens
+    /// [default: random, fvs, acp, ours; quick: random, fvs, ours]
     #[arg(long, value_name = "NAMES")]
     methods: Option<String>,
     /// Numbers of views [default: 20,50,100,200,300; quick: 20; rooms 30]

@@ -60,10 +60,11 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
     /// Methods to compare: any --method of `camsplat plan`, ours:KEY=VALUE or paper:KEY=VALUE (with a key of its configuration changed),
-    /// each also as METHOD@DEGREES (with a lens of another field of view), or cameras:FILE, a layout of your own in any format that `camsplat capture` reads, with the lens of the others (lenses:FILE: with
-    /// its own); in FILE, {scene}, {views} and {seed} stand for those of a run, and NAME=cameras:FILE is called NAME in tables [default:
-    /// random, fibonacci, fvs, fvs-chord, fvs-shared, acp, fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper,
-    /// ours; rooms: without fibonacci and manifold; pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
+    /// each also as METHOD@DEGREES (with a lens of another field of view), or cameras:FILE, a layout of your own in any format that
+    /// `camsplat capture` reads, with the lens of the others (lenses:FILE: with its own); in FILE, {scene}, {views} and {seed} stand for
+    /// those of a run, and NAME=cameras:FILE is called NAME in tables [default: random, fibonacci, fvs, fvs-chord, fvs-shared, acp,
+    /// fisherrf, fisherrf-retrain, cover, manifold, paper-iterative, paper-no-vds, paper, ours; rooms: without fibonacci and manifold;
+    /// pools: random, fvs, coverage, acp, fisherrf, cover, ours; quick: random, fvs, ours]
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     methods: Option<Vec<Competitor>>,
     /// Numbers of views [default: 50,100; rooms 300; pools 20,40; quick: 20; rooms 30]

@@ -9,6 +9,7 @@ use image::imageops::{FilterType, resize};
 use image::{Rgb, RgbImage};
 
 use crate::files::io::picture::rgb;
+use crate::planner::quality::expected::decibels;
 use crate::planner::quality::map::Worst;
 use crate::{Error, Result};
 
@@ -86,9 +87,10 @@ pub fn worst(viewers: &[Worst]) -> Result<String> {
         let _ = writeln!(
             html,
             "<figure><img src=\"{url}\" width=\"{}\" height=\"{}\" alt=\"what the viewer looks at, by expected error\"><figcaption>\
-             <strong>{db:+.1} dB</strong> at ({x:.3}, {y:.3}, {z:.3})</figcaption></figure>",
+             <strong>{}</strong> at ({x:.3}, {y:.3}, {z:.3})</figcaption></figure>",
             2 * width,
-            2 * height
+            2 * height,
+            decibels((*db).into(), 1)
         );
     }
     Ok(html + "</div>\n</section>\n")

@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::{BenchmarkScene, Split};
 use crate::lab::evaluate::destination::RESULTS;
 use crate::lab::evaluate::results::{Interval, interval};
+use crate::planner::quality::expected::or_zero;
 use crate::{Error, Result};
 
 /// The method that others are compared with, where it is among them.
@@ -203,8 +204,8 @@ impl Table {
     pub fn rows(&self) -> impl Iterator<Item = [String; 6]> {
         self.places.iter().map(|place| {
             let less = match place.less {
-                Some(Interval { mean, half: Some(half) }) => format!("{mean:+.2} ± {half:.2}"),
-                Some(Interval { mean, half: None }) => format!("{mean:+.2}"),
+                Some(Interval { mean, half: Some(half) }) => format!("{:+.2} ± {half:.2}", or_zero(mean, 2)),
+                Some(Interval { mean, half: None }) => format!("{:+.2}", or_zero(mean, 2)),
                 None => String::new(),
             };
             let [psnr, ssim, lpips] = [(0, 2), (1, 3), (2, 3)]

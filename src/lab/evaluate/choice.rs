@@ -84,6 +84,9 @@ impl SceneArtifacts<'_> {
         {
             made_of["lenses"] = json!(lenses);
         }
+        if lens != self.intrinsics() {
+            made_of["viewers_lens"] = json!(self.intrinsics());
+        }
         if self.settings.space == Space::Known {
             made_of["space"] = json!(self.settings.space);
         }

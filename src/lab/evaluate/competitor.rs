@@ -15,7 +15,7 @@ use crate::planner::plan::config::{Config, Preset};
 use crate::scene::camera::Intrinsics;
 use crate::{Error, Result};
 
-/// What is compared: a method, the planner with other settings, or cameras of the user's.
+/// What is compared: a method, the planner with other settings, one of these with another lens, or cameras of the user's.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Competitor {
     /// A method of this crate.
@@ -23,7 +23,7 @@ pub enum Competitor {
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
     /// [`Config`] as `plan.json` has them, such as `law.nearest` for one within another.
     Tuned(Arc<str>),
-    /// One of these two whose cameras have another lens: `METHOD@DEGREES`.
+    /// A method or a tuned planner whose cameras have another lens: `METHOD@DEGREES`.
     Through(Arc<Lens>),
     /// Cameras that are there already, `cameras:FILE` or `lenses:FILE`, at the budgets of their numbers.
     Cameras(Arc<Given>),
@@ -63,7 +63,7 @@ impl Competitor {
         }
     }
 
-    /// The lens of its cameras, where all have `usual` but those with one of their own; tests have that too.
+    /// The lens that cameras are placed with: its own of `METHOD@DEGREES`, else `usual`, which tests and viewers always have.
     pub fn lens(&self, usual: Intrinsics) -> Intrinsics {
         match self {
             Self::Through(lens) => {
@@ -155,7 +155,7 @@ fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
     if OWN.contains(&key) {
         return Err(format!("{key} is the evaluation's; give some of {known}"));
     }
-    let field = fields.pointer_mut(&format!("/{}", key.replace('.', "/")));
+    let field = key.split('.').try_fold(&mut fields, |within, part| within.get_mut(part));
     let field = field.filter(|field| !field.is_object()).ok_or(format!("no such key: {key}; give some of {known}"))?;
     // A word that is no JSON is a string.
     *field = serde_json::from_str(value).unwrap_or_else(|_| value.into());
@@ -188,17 +188,31 @@ impl FromStr for Competitor {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        if let Some(given) = Given::parse(name) {
-            return given.map(|given| Self::Cameras(Arc::new(given)));
+        match Given::parse(name) {
+            Some(Ok(given)) if Self::of_program(&given.name).is_ok() => {
+                Err(format!("{} is a method here; give another name", given.name))
+            }
+            Some(given) => given.map(|given| Self::Cameras(Arc::new(given))),
+            None => Self::of_program(name),
         }
+    }
+}
+
+impl Competitor {
+    /// One that is no file.
+    fn of_program(name: &str) -> Result<Self, String> {
         if let Some((method, degrees)) = name.rsplit_once('@') {
             let parsed = degrees.parse().ok().filter(|degrees| DEGREES.contains(degrees));
             let (least, most) = (DEGREES.start(), DEGREES.end());
             let degrees =
                 parsed.ok_or(format!("{degrees} is no field of view; give whole degrees, {least} to {most}"))?;
-            return match method.parse()? {
+            return match Self::of_program(method)? {
                 Self::Through(_) => Err("it has two lenses; give one".into()),
-                method => Ok(Self::Through(Arc::new(Lens { name: name.to_owned(), method, degrees }))),
+                // One name, however it was written.
+                method => {
+                    let name = format!("{}@{degrees}", method.name());
+                    Ok(Self::Through(Arc::new(Lens { name, method, degrees })))
+                }
             };
         }
         if tuned(name).is_some() {
@@ -274,9 +288,12 @@ mod tests {
             let error = wrong.parse::<Competitor>().unwrap().config(Preset::Object, 20, 0).unwrap_err().to_string();
             assert!(error.contains(wrong) && error.contains(named), "{error}");
         }
-        for (wrong, why) in
-            [("ours@wide", "wide is no field of view"), ("ours@180", "180"), ("acp@50@60", "two lenses")]
-        {
+        for (wrong, why) in [
+            ("ours@wide", "wide is no field of view"),
+            ("ours@180", "180"),
+            ("acp@50@60", "two lenses"),
+            ("ours@80=cameras:a.json", "ours@80 is a method here"),
+        ] {
             let error = wrong.parse::<Competitor>().unwrap_err();
             assert!(error.contains(why), "{error}");
         }

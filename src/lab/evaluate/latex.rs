@@ -6,6 +6,7 @@ use super::request::EvaluationRequest;
 use super::results::{Interval, Outcome, Row, measured};
 use super::scene_means::means_over_scenes;
 use super::table::{DECIMALS, description, warnings};
+use crate::planner::quality::expected::or_zero;
 
 /// The tables: every row, of the best of a scene and budget in bold, and the means over scenes where there are several.
 pub(crate) fn latex(request: &EvaluationRequest, outcome: &Outcome) -> String {
@@ -81,11 +82,9 @@ fn best(metric: &str, all: impl Iterator<Item = Interval>) -> Option<f64> {
 fn cell(of: Option<Interval>, decimals: usize, best: Option<f64>) -> String {
     let Some(Interval { mean, half }) = of else { return "--".into() };
     let half = half.map_or_else(String::new, |half| format!(" \\pm {half:.decimals$}"));
-    if best == Some(mean) {
-        format!("$\\mathbf{{{mean:.decimals$}}}{half}$")
-    } else {
-        format!("${mean:.decimals$}{half}$")
-    }
+    let is_best = best == Some(mean);
+    let mean = or_zero(mean, decimals);
+    if is_best { format!("$\\mathbf{{{mean:.decimals$}}}{half}$") } else { format!("${mean:.decimals$}{half}$") }
 }
 
 /// Text without LaTeX's signs.

@@ -100,7 +100,9 @@ impl EvaluationRequest {
     pub fn validate(&self) -> Result<()> {
         let Self { kind, methods, budgets, seeds, first_seed, settings, .. } = self;
         let twice = |what: &str| Err(Error::request(format!("{what} names something twice; give each once")));
-        let same = |a: &Competitor, b: &Competitor| a == b || a.name() == b.name();
+        let usual = settings.intrinsics();
+        let one = |a: &Competitor, b: &Competitor| a.chooser() == b.chooser() && a.lens(usual) == b.lens(usual);
+        let same = |a: &Competitor, b: &Competitor| one(a, b) || a.name() == b.name();
         if (1..methods.len()).any(|i| methods[..i].iter().any(|other| same(other, &methods[i]))) {
             return twice("--methods");
         }

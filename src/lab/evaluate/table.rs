@@ -9,6 +9,7 @@ use super::results::{Interval, METRICS, Outcome, Row, measured};
 use super::scene_means::{SceneMean, means_over_scenes};
 use super::settings::{BaselinesFrom, InputsFrom, Shown, Space};
 use crate::planner::plan::target::RegionChoice;
+use crate::planner::quality::expected::or_zero;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 use crate::splats::run::record::DIVERGED_DB;
@@ -230,7 +231,12 @@ fn conditions(request: &EvaluationRequest) -> String {
         lenses += ", lenses:FILE with the lenses of the file";
     }
     if request.methods.iter().any(|method| matches!(method, Competitor::Through(_))) {
-        lenses += ", METHOD@DEGREES with a lens of so many degrees";
+        // Writing to a string cannot fail.
+        let _ = write!(
+            lenses,
+            ", METHOD@DEGREES with a field of view of so many degrees in place of {}, which tests have",
+            settings.fov_deg
+        );
     }
     let looking = if request.viewers.is_default() { "" } else { ", test views from where `--viewers` says" };
     let tests = match &request.viewers {
@@ -274,6 +280,7 @@ pub fn csv(request: &EvaluationRequest, rows: &[Row]) -> String {
 
 /// A mean with half of its interval, where it has one.
 pub fn cell(Interval { mean, half }: Interval, decimals: usize) -> String {
+    let mean = or_zero(mean, decimals);
     match half {
         Some(half) => format!("{mean:.decimals$} ± {half:.decimals$}"),
         None => format!("{mean:.decimals$}"),

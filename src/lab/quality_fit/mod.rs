@@ -149,7 +149,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         held_out: names(&held),
         layouts: fitted.iter().map(|scene| scene.layouts.len()).sum(),
     };
-    law.coefficients.check()?;
+    law.coefficients.check().map_err(|error| Error::request(format!("{error}; train layouts that differ more")))?;
     if object && law.coefficients.background < 1e-6 {
         return Err(Error::request(
             "the weight beside objects vanishes, without which they would be taken for rooms; train layouts that differ more",

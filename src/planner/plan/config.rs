@@ -190,7 +190,7 @@ impl Config {
         Ok(connected)
     }
 
-    /// The law that plans are judged by, with its spread: that of expected quality, or the one that is built in.
+    /// The law that plans are judged by: that of expected quality, or the one that is built in. Its spread is the latter's.
     pub fn law(&self) -> Fitted {
         let fitted = Fitted::embedded(self.preset == Preset::Object);
         Fitted { coefficients: self.of_quality().map_or(fitted.coefficients, |own| own.law), ..fitted }

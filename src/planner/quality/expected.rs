@@ -69,11 +69,14 @@ pub struct Expectation {
     pub viewers: Vec<Option<f32>>,
 }
 
-/// A difference of quality as texts have it: with its sign and unit, and as +0 where it is too small for so many decimals.
+/// A difference of quality as texts have it, with its sign and unit: +0.00 dB, never -0.00 dB, where it rounds to nothing.
 pub fn decibels(difference: f64, decimals: usize) -> String {
-    let scale = 10f64.powi(decimals as i32);
-    // The sum with zero is of no sign.
-    format!("{:+.decimals$} dB", (difference * scale).round() / scale + 0.0)
+    format!("{:+.decimals$} dB", or_zero(difference, decimals))
+}
+
+/// The value, or zero where so many decimals show it as zero, whose sign says nothing then.
+pub fn or_zero(value: f64, decimals: usize) -> f64 {
+    if value.abs() < 0.5 * 0.1f64.powi(decimals as i32) { 0.0 } else { value }
 }
 
 /// Viewers with what they see, ready to judge sets of cameras.

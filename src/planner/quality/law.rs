@@ -24,6 +24,8 @@ const OBJECTS: &str = include_str!("law_of_objects.json");
 const ROOMS: &str = include_str!("law_of_rooms.json");
 /// Where a law without an end ends: its exponential is the last but a few that single precision holds.
 pub(crate) const NO_END: f64 = 80.0;
+/// Largest coefficient: far beyond what splats show, and far below what single precision holds.
+const STEEPEST: f64 = 1000.0;
 
 /// A view of the point of a look.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,16 +116,15 @@ impl Coefficients {
     /// In a line that names the coefficient.
     pub fn check(&self) -> Result<()> {
         let all = [
-            ("nearest", self.nearest),
-            ("third", self.third),
-            ("farther", self.farther),
-            ("most", self.most.unwrap_or(NO_END)),
-            ("background", self.background),
+            ("nearest", self.nearest, [0.0, STEEPEST]),
+            ("third", self.third, [0.0, STEEPEST]),
+            ("farther", self.farther, [0.0, STEEPEST]),
+            ("most", self.most.unwrap_or(NO_END), [1e-6, NO_END]),
+            ("background", self.background, [0.0, STEEPEST]),
         ];
-        let least = |name: &str| if name == "most" { 1e-6 } else { 0.0 };
-        match all.into_iter().find(|(name, value)| !(*value >= least(name) && value.is_finite())) {
-            Some((name, value)) => Err(Error::request(format!(
-                "the law's coefficient {name:?} is {value}, and error must rise with angle and footprint, and have a weight beside objects; train layouts that differ more"
+        match all.into_iter().find(|(_, value, [least, most])| !(least..=most).contains(&value)) {
+            Some((name, value, [least, most])) => Err(Error::request(format!(
+                "the law's coefficient {name:?} is {value}, and error must rise with angle and footprint, and be finite; it is between {least} and {most}"
             ))),
             None => Ok(()),
         }
@@ -206,7 +207,17 @@ mod tests {
             // A weight beside the surface is an object's.
             assert_eq!(fitted.coefficients.background > 0.0, object);
         }
-        let refused = Coefficients { third: -0.1, ..Coefficients::embedded(true) }.check().unwrap_err().to_string();
-        assert!(refused.contains("\"third\" is -0.1"), "{refused}");
+        let good = Coefficients::embedded(true);
+        for (wrong, said) in [
+            (Coefficients { third: -0.1, ..good }, "\"third\" is -0.1"),
+            (Coefficients { most: Some(0.0), ..good }, "\"most\" is 0"),
+            // With a steep rise both exponentials would be zero.
+            (Coefficients { most: Some(100.0), ..good }, "\"most\" is 100"),
+            (Coefficients { nearest: 1e39, ..good }, "\"nearest\""),
+            (Coefficients { farther: f64::NAN, ..good }, "\"farther\" is NaN"),
+        ] {
+            let refused = wrong.check().unwrap_err().to_string();
+            assert!(refused.contains(said), "{refused}");
+        }
     }
 }
