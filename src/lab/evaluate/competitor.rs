@@ -21,7 +21,7 @@ pub enum Competitor {
     /// A method of this crate.
     Method(Method),
     /// The planner with some of its numbers set otherwise: `ours:KEY=VALUE[:KEY=VALUE...]`, where keys are those of
-    /// [`Config`] as `plan.json` has them, such as `law.nearest` for one within another.
+    /// [`Config`] as `plan.json` has them, such as `law.nearest` for one inside another.
     Tuned(Arc<str>),
     /// A method or a tuned planner whose cameras have another lens: `METHOD@DEGREES`.
     Through(Arc<Lens>),
@@ -162,7 +162,7 @@ fn with(config: Config, (key, value): (&str, &str)) -> Result<Config, String> {
     serde_json::from_value(fields).map_err(|error| format!("{key} cannot be {value}: {error}"))
 }
 
-/// The keys that can be set, with those within others behind a point.
+/// The keys that can be set; those inside another are written with a dot.
 fn keys(fields: &Value) -> Vec<String> {
     let of = |(key, value): (&String, &Value)| match value {
         Value::Object(_) => keys(value).into_iter().map(|within| format!("{key}.{within}")).collect(),
