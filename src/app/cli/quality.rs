@@ -143,6 +143,6 @@ fn print_agreement(which: &str, agreement: &Agreement) {
     };
     line(&agreement.whole, "scenes and situations");
     if let Some(of_budgets) = &agreement.of_budgets {
-        line(of_budgets, "scenes, situations and budgets");
+        line(of_budgets, "scenes, situations, budgets and lenses");
     }
 }

@@ -53,7 +53,7 @@ impl Fit {
 pub struct Agreement {
     /// Layouts of each scene and situation, of all numbers of views together.
     pub whole: Correlation,
-    /// Of each scene, situation and number of views; none where there are never enough of them.
+    /// Of each scene, situation, number of views and lens; none where there are never enough of them.
     pub of_budgets: Option<Correlation>,
 }
 
@@ -133,8 +133,13 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         let whole = correlation(&pairs(scenes, false))?;
         Some(Agreement { whole, of_budgets: correlation(&pairs(scenes, true)) })
     };
-    let of_spread = if held.is_empty() { &fitted } else { &held };
-    let spread = spread(&pairs(of_spread, true), &pairs(of_spread, false));
+    // What a scene was fitted to, it predicts too well: each by the others' law.
+    let of_others = |scene: &&Observations| -> [f64; N] {
+        let left = own_names.iter().position(|name| *name == scene.name).filter(|_| deviation.is_some());
+        left.map_or(best, |left| without[left])
+    };
+    let others: Vec<_> = fitted.iter().chain(&held).map(|scene| (*scene, of_others(scene))).collect();
+    let spread = spread(&others);
     let law = Fitted {
         coefficients: Coefficients {
             nearest: best[0],
@@ -190,22 +195,28 @@ fn best(scenes: &[&Observations], object: bool) -> Option<([f64; N], [bool; N])>
     found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, theta, free)| (theta, free))
 }
 
-/// Standard deviation of the trained difference of two layouts about the expected one: of layouts of as many views that are expected to be
-/// alike, and for each decibel that layouts of any numbers are expected to differ by. Of held-out scenes where there are any.
-fn spread(of_budgets: &[Vec<Pair>], whole: &[Vec<Pair>]) -> [f64; 2] {
-    let differences = |groups: &[Vec<Pair>]| -> Vec<Pair> {
-        let of = |group: &Vec<Pair>| -> Vec<Pair> {
-            let each = group.iter().enumerate();
-            each.flat_map(|(i, a)| group[..i].iter().map(move |b| (a.0 - b.0, a.1 - b.1))).collect()
-        };
-        groups.iter().flat_map(of).collect()
-    };
+/// Standard deviation of the trained difference of two layouts of a scene with the same lens about the one that a law expects: of layouts of
+/// as many views that are expected to be alike, and for each decibel that layouts of any numbers are expected to differ by.
+fn spread(scenes: &[(&Observations, [f64; N])]) -> [f64; 2] {
+    let (mut near, mut far): (Vec<f64>, Vec<Pair>) = (Vec::new(), Vec::new());
+    for (scene, theta) in scenes {
+        let expected = solver::expected(scene, theta);
+        for (i, a) in scene.layouts.iter().enumerate() {
+            for (j, b) in scene.layouts[..i].iter().enumerate().filter(|(_, b)| a.degrees == b.degrees) {
+                let (x, y) = (expected[i] - expected[j], a.psnr - b.psnr);
+                if a.views == b.views && x.abs() < 0.25 {
+                    near.push((y - x).powi(2));
+                }
+                if x.abs() >= 1.0 {
+                    far.push((x, y));
+                }
+            }
+        }
+    }
     let mean =
         |values: Vec<f64>| if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 };
-    let near = differences(of_budgets).into_iter().filter(|(x, _)| x.abs() < 0.25);
-    let alike = mean(near.map(|(x, y)| (y - x).powi(2)).collect());
-    let far = differences(whole).into_iter().filter(|(x, _)| x.abs() >= 1.0);
-    let per = mean(far.map(|(x, y)| ((y - x).powi(2) - alike) / (x * x)).collect());
+    let alike = mean(near);
+    let per = mean(far.into_iter().map(|(x, y)| ((y - x).powi(2) - alike) / (x * x)).collect());
     [alike.sqrt(), per.max(0.0).sqrt()]
 }
 
@@ -248,7 +259,7 @@ mod tests {
                 [g1, (g1 + size * b).min(2.0), (c * 2.0 * random::uniforms(seed, 8, l)[1] - 0.4).max(0.0)]
                     .map(|x| x as f32)
             });
-            Layout { name: format!("{l}"), views: 10 + 10 * (l % 2), psnr: 0.0, near: near.collect() }
+            Layout { name: format!("{l}"), views: 10 + 10 * (l % 2), degrees: 50, psnr: 0.0, near: near.collect() }
         };
         let mut scene = Observations { name: name.into(), beside, ends, layouts: (0..16).map(layout).collect() };
         let expected = solver::expected(&scene, &theta);
@@ -337,6 +348,32 @@ mod tests {
         let expected = (2.0 / 3.0 * each.iter().map(|one| (one - mean).powi(2)).sum::<f64>()).sqrt();
         let deviation = found.law.deviation.unwrap()[0];
         assert!((deviation / expected - 1.0).abs() < 1e-9, "{deviation} in place of {expected}");
+    }
+
+    /// If this failed, intervals would be of scenes that the law was fitted to, or hold lenses against each other.
+    #[test]
+    fn the_spread_is_of_other_scenes_and_of_one_lens() {
+        // Each scene follows a law of its own, which that of the others misses by as much as they differ.
+        let of = |name: &str, nearest: f64, seed| scene(name, [nearest, 0.6, 0.8, -2.8, 2.0], 0.0, seed);
+        let scenes = [of("a", 0.9, 40), of("b", 1.3, 41), of("c", 1.7, 42)];
+        let spread_of = |left: usize| {
+            let others: Vec<_> =
+                scenes.iter().enumerate().filter(|(i, _)| *i != left).map(|(_, scene)| scene).collect();
+            solver::solve(&others, START, &[true; N]).unwrap().0
+        };
+        let expected = spread(&[0, 1, 2].map(|i| (&scenes[i], spread_of(i))));
+        let found = fit(&scenes, &[]).unwrap().law;
+        assert!(expected[1] > 0.01, "{expected:?}");
+        for (one, other) in found.spread.into_iter().zip(expected) {
+            assert!((one - other).abs() < 1e-4, "{:?} in place of {expected:?}", found.spread);
+        }
+        // Two layouts that are expected to be alike and differ by 3 dB.
+        let mut alike = of("d", 1.3, 43);
+        alike.layouts.truncate(1);
+        alike.layouts.push(Layout { psnr: alike.layouts[0].psnr + 3.0, ..alike.layouts[0].clone() });
+        assert_eq!(spread(&[(&alike, START)]), [3.0, 0.0]);
+        alike.layouts[1].degrees = 80;
+        assert_eq!(spread(&[(&alike, START)]), [0.0, 0.0]);
     }
 
     /// If this failed, a fit to next to nothing would be taken for a law.

@@ -6,7 +6,7 @@ use crate::engine::parallel::mapped;
 use crate::planner::metrics::score_point::{View, view};
 use crate::planner::quality::law::FARTHEST;
 use crate::planner::quality::look::{Caster, Look, Surroundings, Viewer};
-use crate::planner::quality::nearest::nearest_cameras;
+use crate::planner::quality::nearest::{nearest_cameras, widest};
 use crate::scene::camera::Camera;
 use crate::visibility::device_scene::SceneGeometry;
 
@@ -22,6 +22,8 @@ pub struct Layout {
     pub name: String,
     /// Its number of cameras.
     pub views: u32,
+    /// Their field of view along the longer side in whole degrees, the mean.
+    pub degrees: u32,
     /// Trained PSNR in decibels, the mean over test views.
     pub psnr: f64,
     /// By look: the angles of the nearest and of the third nearest view in radians, and how much larger the nearest one's
@@ -73,17 +75,24 @@ impl Observations {
                 let ratio = found.first().map_or(1.0, |near| near.footprint / f64::from(look.footprint));
                 [angle(0), angle(2), ratio.ln().max(0.0) as f32]
             });
-            Layout { name: name.clone(), views: cameras.len() as u32, psnr: *psnr, near: near.collect() }
+            let fov: f64 = views.iter().map(|view| 2.0 * widest(view).atan().to_degrees()).sum();
+            Layout {
+                name: name.clone(),
+                views: views.len() as u32,
+                degrees: (fov / views.len().max(1) as f64).round() as u32,
+                psnr: *psnr,
+                near: near.collect(),
+            }
         });
         let beside = looks.iter().map(|look| look.normal == [0.0; 3]).collect();
         Self { name: name.to_owned(), beside, ends, layouts }
     }
 
-    /// The layouts by their number of views, by their places.
+    /// The layouts by their number of views and lens, by their places.
     pub fn groups(&self) -> Vec<Vec<usize>> {
-        let mut groups = BTreeMap::<u32, Vec<usize>>::new();
+        let mut groups = BTreeMap::<(u32, u32), Vec<usize>>::new();
         for (i, layout) in self.layouts.iter().enumerate() {
-            groups.entry(layout.views).or_default().push(i);
+            groups.entry((layout.views, layout.degrees)).or_default().push(i);
         }
         groups.into_values().collect()
     }

@@ -52,11 +52,16 @@ pub fn nearest(bvh: &Bvh, look: &Look, views: impl Iterator<Item = Near>) -> Vec
     free.take(3).collect()
 }
 
+/// The tangent of half a camera's wider field of view.
+pub(crate) fn widest(camera: &View) -> f64 {
+    let [x, y] = [camera.right, camera.down].map(|axis| 1.0 / Vec3::from(axis).as_dvec3().length());
+    x.max(y)
+}
+
 /// As [`nearest`], of cameras whose whole image counts.
 pub(crate) fn nearest_cameras(bvh: &Bvh, look: &Look, cameras: &[View]) -> Vec<Near> {
     let views = cameras.iter().zip(0..).filter_map(|(camera, index)| {
-        let widest = [camera.right, camera.down].map(|axis| 1.0 / Vec3::from(axis).as_dvec3().length());
-        let near = toward(look, index, Vec3::from(camera.position).as_dvec3(), widest[0].max(widest[1]))?;
+        let near = toward(look, index, Vec3::from(camera.position).as_dvec3(), widest(camera))?;
         let along = |axis: [f32; 3]| -near.direction.dot(Vec3::from(axis).as_dvec3());
         let forward = along(camera.forward);
         let inside = forward > 0.0 && along(camera.right).abs() <= forward && along(camera.down).abs() <= forward;
