@@ -7,7 +7,7 @@ BENCH is the folder that `camsplat benchmark` wrote. Of a built-in room DATA has
 `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the rooms of the benchmark's fit split, to the means of
 layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its coefficients;
 for each room Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is left, of all
-layouts and of those of one lens. Each room counts the same. Needs numpy and scipy.
+layouts, of those of one lens, and of both without random cameras. Each room counts the same. Needs numpy and scipy.
 """
 
 import argparse
@@ -41,6 +41,7 @@ class Room:
         near = np.fromfile(out.with_suffix(".f32"), np.float32).astype(float).reshape(len(results), ends[-1], 3)
         self.first, self.third, self.farther = near[..., 0], near[..., 1], near[..., 2]
         self.one_lens = np.array(["@" not in run["method"] for run in results])
+        self.random = np.array([run["method"] == "random" for run in results])
 
         # The trainer leaves out photos of one colour, which `looks` does not know.
         names = [Path(frame["file_path"]).name for frame in json.loads(tests.read_text())["frames"]]
@@ -107,7 +108,8 @@ def main():
         print(law.__name__, " ".join(f"{value:.2f}" for value in p), f"mean square {np.sum(residuals(p) ** 2) / sum(room.fitted for room in rooms):.2f}")
         for room in rooms:
             expected, trained = room.expected(law(room, p)).mean(axis=1), room.psnr.mean(axis=1)
-            for which, of in [("all", np.full(len(trained), True)), ("one lens", room.one_lens)]:
+            parts = {"all": room.one_lens | True, "not random": ~room.random, "one lens": room.one_lens}
+            for which, of in {**parts, "one lens, not random": room.one_lens & ~room.random}.items():
                 x, y = expected[of], trained[of]
                 print(f"  {room.name} ({'fit' if room.fitted else 'not fitted'}, {which}): {np.corrcoef(x, y)[0, 1]:.3f}, "
                       f"{np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")

@@ -145,9 +145,9 @@ impl Coefficients {
 pub struct Fitted {
     /// What was fitted.
     pub coefficients: Coefficients,
-    /// Standard deviation in decibels of the trained difference of two layouts with the same lens about the expected one, in scenes that the
-    /// law was not fitted to: of layouts that are expected to be alike, which differ by their rotation and the training's chance, and for
-    /// each decibel that they are expected to differ by.
+    /// Standard deviation in decibels of the trained difference of two layouts with the same lens about the expected one: of layouts that are
+    /// expected to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ
+    /// by. Of three scenes or more each by the law of the others, and of what is held out; else of what it was fitted to.
     pub spread: [f64; 2],
     /// Standard deviations of `nearest`, `third`, `farther`, of the logarithm of `background` and of `most`, by leaving out one scene at a
     /// time; none of fewer than three scenes.
