@@ -73,15 +73,13 @@ pub fn shown(comparisons: &[Comparison]) -> Result<Vec<Shown>> {
 /// # Errors
 /// As [`shown`].
 pub fn worst(viewers: &[Worst]) -> Result<String> {
-    if viewers.is_empty() {
-        return Ok(String::new());
-    }
-    let mut html = String::from(
+    let Some(Worst { span_db, .. }) = viewers.first() else { return Ok(String::new()) };
+    let mut html = format!(
         "<section aria-labelledby=\"worst-title\">\n<h2 id=\"worst-title\">The worst viewers</h2>\n<p>Viewers who are \
-         expected to see most error on the surface, and where in their pictures it lies: red is 6 dB or more above the median of all that viewers see, blue as far below, grey \
+         expected to see most error on the surface, and where in their pictures it lies: red is {span_db:.0} dB or more above the median of all that viewers see, blue as far below, grey \
          beside the surface.</p>\n<div class=\"worst\">\n",
     );
-    for Worst { camera, db, size: [width, height], picture } in viewers {
+    for Worst { camera, db, size: [width, height], picture, .. } in viewers {
         let url = format!("data:image/png;base64,{}", STANDARD.encode(rgb(*width, picture)?));
         let [x, y, z] = camera.pose.position.to_array();
         let _ = writeln!(

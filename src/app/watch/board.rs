@@ -10,6 +10,7 @@ use crate::app::report::shot_map::{self, Dot, Places};
 use crate::app::report::shots::Shots;
 use crate::files::photos::PhotoSet;
 use crate::planner::plan::enough::{Advice, Enough};
+use crate::planner::quality::law::Law;
 use crate::planner::quality::map::colour_of;
 use crate::scene::camera::Camera;
 use crate::scene::region::{Region, Shape};
@@ -119,10 +120,11 @@ impl Shown {
             new: shot.is_new(),
             start: shots.start(i).map(jpeg_url).unwrap_or_default(),
         });
+        let law = Law::embedded(matches!(region.shape, Shape::Shell { .. }));
         let fill = |(error, unseen): (&f32, &bool)| match unseen {
             true => UNSEEN.into(),
             false => {
-                let [r, g, b] = colour_of(f64::from(*error));
+                let [r, g, b] = colour_of(f64::from(*error), &law);
                 format!("#{r:02x}{g:02x}{b:02x}")
             }
         };

@@ -82,6 +82,12 @@ impl Law {
         1.0 / ((-rise).exp() + f64::from(-self.most).exp())
     }
 
+    /// Decibels by which error is larger where the nearest views are all 0.7 rad away than where they look as the viewer does: what colours
+    /// of error span on either side of the median, so that they show as much of rooms as of objects, whose law is flatter.
+    pub fn span_db(&self) -> f64 {
+        10.0 * (self.of([0.7; 3], 0.0) / self.of([0.0; 3], 0.0)).log10()
+    }
+
     /// How fast an error rises with the sum that it rises by.
     pub fn slope(&self, error: f64) -> f64 {
         error * (1.0 - error * f64::from(-self.most).exp())

@@ -20,8 +20,6 @@ const LONGEST: u32 = 120;
 const LOOKS: usize = 12;
 /// Pairs of point and look that are worth their time.
 const MAX_PAIRS: usize = 300_000_000;
-/// Decibels about the median that a picture's colours go to either way.
-const RANGE_DB: f64 = 6.0;
 
 /// Expected error on the surface, against its median over all that viewers look at there.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,6 +42,8 @@ pub struct Worst {
     /// What the viewer looks at, 8-bit sRGB: shaded surface, from blue where error is small over white to red where it is great; grey
     /// beside the surface.
     pub picture: Vec<u8>,
+    /// Decibels about the median at which its colours end, either way.
+    pub span_db: f64,
 }
 
 /// The map of `cameras` at `points`, by the viewers of `judge`; all in the user's world.
@@ -97,7 +97,7 @@ pub(crate) fn error_map(
         against(mean) as f32
     });
     let views: Vec<View> = cameras.iter().map(|camera| view(geometry, camera)).collect();
-    let caster = Caster::new(geometry, around);
+    let (caster, span_db) = (Caster::new(geometry, around), law.span_db());
     order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     // A file of few cameras names each many times.
     let mut worst: Vec<(usize, f32)> = Vec::new();
@@ -124,25 +124,45 @@ pub(crate) fn error_map(
                 let found = nearest_cameras(&geometry.bvh, &look, &views);
                 let db = against(law.error(&found, f64::from(look.footprint)));
                 let facing = Vec3::from(look.normal).dot(Vec3::from(look.direction)).abs();
-                shaded(db, facing)
+                shaded(db / span_db, facing)
             };
             (0..size[0]).flat_map(pixel).collect::<Vec<u8>>()
         });
-        Worst { camera: camera.clone(), db, size, picture: picture.concat() }
+        Worst { camera: camera.clone(), db, size, picture: picture.concat(), span_db }
     };
     Ok(ErrorMap { points: at, worst: worst.into_iter().map(pictured).collect() })
 }
 
-/// The colour of so many decibels about the median: from blue over white to red.
-pub(crate) fn colour_of(db: f64) -> [u8; 3] {
-    shaded(db, 1.0)
+/// The colour of so many decibels about the median, by `law`: from blue over white to red.
+pub(crate) fn colour_of(db: f64, law: &Law) -> [u8; 3] {
+    shaded(db / law.span_db(), 1.0)
 }
 
-/// The colour of a surface with so much error that faces the viewer so far.
-fn shaded(db: f64, facing: f32) -> [u8; 3] {
+/// The colour of a surface that faces the viewer so far, from -1, least error, to 1, most.
+fn shaded(part: f64, facing: f32) -> [u8; 3] {
     const ENDS: [[f64; 3]; 2] = [[33.0, 102.0, 172.0], [178.0, 24.0, 43.0]];
-    let part = (db / RANGE_DB).clamp(-1.0, 1.0);
+    let part = part.clamp(-1.0, 1.0);
     let end = ENDS[usize::from(part > 0.0)];
     let light = 0.45 + 0.55 * f64::from(facing);
     end.map(|channel| (light * (245.0 + (channel - 245.0) * part.abs())).round() as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// If this failed, pictures of a room would be red throughout, since error rises by more decibels there.
+    #[test]
+    fn colours_span_what_the_law_does() {
+        let [object, room] = [true, false].map(Law::embedded);
+        assert!((object.span_db() - 6.0).abs() < 0.5 && room.span_db() > 10.0);
+        for law in [object, room] {
+            let span = law.span_db();
+            assert_eq!(colour_of(span, &law), [178, 24, 43]);
+            assert_eq!(colour_of(2.0 * span, &law), [178, 24, 43]);
+            assert_eq!(colour_of(0.0, &law), [245; 3]);
+            assert_ne!(colour_of(0.9 * span, &law), [178, 24, 43]);
+            assert_eq!(colour_of(-span, &law), [33, 102, 172]);
+        }
+    }
 }
