@@ -2,7 +2,7 @@
 # Builds dist/camsplat-VERSION-ARCH-linux.tar.gz for this machine's architecture: the program for every distribution with glibc 2.28 or later, linked by zig, with man
 # pages, completions and the licences of its dependencies. Pages, shaders and weights are in the program; a Vulkan loader and a driver are
 # looked for at run time. (A program without glibc could not load them, so that it is not linked statically against musl.)
-# Run setup.sh first. Needs python3; scripts/dependencies.sh brings the other tools.
+# Run setup.sh first. Needs python3; scripts/licences.sh brings the other tools.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -12,6 +12,7 @@ tools=target/wheel-tools
 [ -x "$tools/bin/pip" ] || python3 -m venv "$tools"
 "$tools/bin/pip" install -q cargo-zigbuild ziglang
 scripts/dependencies.sh
+scripts/licences.sh
 
 # Zig links the program. Build scripts run here and now, and link what this system has.
 export "CC_${triple//-/_}=cc" "CXX_${triple//-/_}=c++"

@@ -16,15 +16,16 @@ cd "$(dirname "$0")/.."
 
 tools=target/wheel-tools
 [ -x "$tools/bin/maturin" ] || python3 -m venv "$tools"
-"$tools/bin/pip" install -q "maturin>=1.9,<2" ziglang
+"$tools/bin/pip" install -q "maturin>=1.9,<2" cargo-zigbuild ziglang
 
 rm -f dist/camsplat-*.whl
 if [ "$(uname -s)" = Linux ]; then
-    # Zig links the package. Build scripts run here and now, and link what this system has.
-    triple="$(uname -m)_unknown_linux_gnu"
-    export "CC_$triple=cc" "CXX_$triple=c++"
-    # maturin finds zig by the Python before it on the path.
-    PATH="$PWD/$tools/bin:$PATH" maturin build --release --locked --zig --compatibility manylinux_2_28 --out dist
+    # Zig links the package alone, for the older glibc: all that it is made of is what other builds compile, too.
+    linker=$PWD/$tools/bin/link-by-zig
+    printf '#!/bin/sh\nexec cargo-zigbuild zig cc -- -target %s-linux-gnu.2.28 "$@"\n' "$(uname -m)" >"$linker"
+    chmod +x "$linker"
+    # cargo-zigbuild finds zig by the Python before it on the path.
+    PATH="$PWD/$tools/bin:$PATH" maturin build --release --locked --compatibility manylinux_2_28 --out dist -- -C linker="$linker"
 else
     "$tools/bin/maturin" build --release --locked --out dist
 fi

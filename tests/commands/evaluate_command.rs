@@ -13,6 +13,11 @@ use serde_json::Value;
 pub const TINY: &str = "evaluate cube.gltf --env sky.hdr --quick --methods random,ours --budgets 4 --seeds 1 --size 48 --spp 2 \
                     --inputs 8 --tests 2 --iterations 20 --max-splats 200";
 
+/// The same by methods that choose on the scene's own mesh, which is there at once.
+pub fn on_the_mesh(methods: &str) -> String {
+    TINY.replace("random,ours", methods).replace("--inputs 8", "--surface true")
+}
+
 pub fn results(place: &Place, folder: &str) -> Value {
     serde_json::from_str(&place.read(&format!("{folder}/results.json"))).unwrap()
 }
@@ -180,7 +185,7 @@ fn the_filter_against_aliasing_is_of_all_training_and_of_nothing_else() {
 #[test]
 fn seeds_that_were_made_apart_are_put_together() {
     let place = lit_cube();
-    let run = TINY.replace("random,ours", "random");
+    let run = on_the_mesh("random");
     place.done(&format!("{run} --out here"));
     let there = place.done(&format!("{run} --first-seed 1 --out there"));
     assert!(there.out.contains("complete cube, random, 4 views, seed 1"), "{}", there.out);
@@ -207,7 +212,7 @@ fn seeds_that_were_made_apart_are_put_together() {
 #[test]
 fn shards_are_put_together() {
     let place = lit_cube();
-    let run = TINY.replace("--seeds 1", "--seeds 2");
+    let run = on_the_mesh("random,ours").replace("--seeds 1", "--seeds 2");
     place.done(&format!("{run} --out alone"));
     // Two begin in one new folder at once, and the third is killed elsewhere.
     let begin = |shard: &str, out: &str| place.command(&format!("{run} --shard {shard} --out {out}")).spawn().unwrap();
@@ -378,7 +383,7 @@ fn bad_input_is_refused_and_nothing_is_written() {
 #[test]
 fn fewer_runs_never_replace_a_larger_table() {
     let place = lit_cube();
-    let run = |methods: &str, more: &str| format!("{} {more} --out o", TINY.replace("random,ours", methods));
+    let run = |methods: &str, more: &str| format!("{} {more} --out o", on_the_mesh(methods));
     place.done(&run("random,fvs", "").replace("--seeds 1", "--seeds 2"));
     let before = place.read("o/table.md");
     assert_refused(
@@ -418,7 +423,7 @@ fn an_object_without_a_lamp_stands_in_a_studio() {
     let shown: Vec<u8> = photo.pixels().filter(|pixel| pixel[3] == 255).map(|pixel| pixel[0]).collect();
     let mean = shown.iter().map(|red| f64::from(*red)).sum::<f64>() / shown.len() as f64;
     assert!(!shown.is_empty() && mean > 60.0, "{mean} of {} pixels", shown.len());
-    place.done(&format!("{} --out lit", TINY.replace("random,ours", "random")));
+    place.done(&format!("{} --out lit", on_the_mesh("random")));
     assert!(!place.read("lit/table.md").contains("studio"));
 }
 

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::evaluate_command::{TINY, qualities, results};
+use super::evaluate_command::{TINY, on_the_mesh, qualities, results};
 use crate::support::command::assert_refused;
 use crate::support::command::gltf::lit_cube;
 use camsplat::planner::quality::law::Coefficients;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 #[test]
 fn cameras_of_a_file_are_a_method() {
     let place = lit_cube();
-    let tiny = |methods: &str, out: &str| format!("{} --out {out}", TINY.replace("random,ours", methods));
+    let tiny = |methods: &str, out: &str| format!("{} --out {out}", on_the_mesh(methods));
     place.done(&tiny("random", "o"));
     let plan = place.files("o").into_iter().find(|file| file.ends_with("plan.json")).unwrap();
     let mut mine: Value = serde_json::from_str(&place.read(&format!("o/{plan}"))).unwrap();
@@ -85,7 +85,7 @@ fn cameras_of_a_file_are_a_method() {
 #[test]
 fn a_method_is_compared_with_another_lens() {
     let place = lit_cube();
-    place.done(&format!("{} --out o", TINY.replace("random,ours", "random,random@80,ours@80")));
+    place.done(&format!("{} --out o", on_the_mesh("random,random@80,ours@80")));
     assert!(place.read("o/table.md").contains("METHOD@DEGREES with a field of view of so many degrees in place of 50"));
     let (mut wide, mut usual, mut others) = (0, 0, 0);
     for file in place.files("o").into_iter().filter(|file| file.ends_with("capture.json")) {
@@ -103,7 +103,7 @@ fn a_method_is_compared_with_another_lens() {
         }
     }
     assert!((wide, usual) == (8, 4) && others > 0, "{wide}, {usual} planned and {others} others");
-    let methods = |names: &str| format!("{} --out p", TINY.replace("random,ours", names));
+    let methods = |names: &str| format!("{} --out p", on_the_mesh(names));
     // The law that a plan was made by stands in it.
     place.done(&methods("ours:law.nearest=3:law.most=4@80"));
     let plan = place.files("p").into_iter().find(|file| file.ends_with("plan.json")).unwrap();

@@ -25,7 +25,7 @@ use crate::{Error, Result};
 
 /// Viewers that layouts are judged by; none of the optimiser's is among them.
 const VIEWERS: u32 = 512;
-/// The first so many of these compare rotations of a layout.
+/// The first so many of these compare rotations of a layout; of fewer it is chance which of them comes out best.
 const FEWER: usize = 128;
 /// Key that separates them.
 const JUDGE_SEED: u64 = 0x6a75_6467;
@@ -90,14 +90,13 @@ impl<'a> Reference<'a> {
         let fitted = config.law();
         let law = fitted.coefficients.on_device();
         let around = Surroundings::new(&scene.geometry, target.proxy.sphere, inward, &law);
-        let fewer = Judge::new(context, scene, around, viewers[..FEWER.min(viewers.len())].to_vec(), &law, seed)?;
         let judge = Judge::new(context, scene, around, viewers, &law, seed)?;
         let links = config.of_quality().and_then(|own| Links::of(own, &target.proxy, &scene.geometry, config.seed));
         let lenses = [&problem.lenses[..], &[*lens]].concat();
         let (mine, layouts) = (kept.to_vec(), Vec::new());
         let mut reference = Self { judge, scene, around, law: fitted, lenses, kept: mine, links, layouts };
         for (name, ways) in simple_layouts::layouts(config, &scene.geometry, kept) {
-            let poses = reference.best_way(&fewer, ways, go_on)?;
+            let poses = reference.best_way(ways, go_on)?;
             Error::unless_stopped(go_on())?;
             let expectation = reference.expect(&poses)?;
             if expectation.viewers.iter().all(Option::is_none) {
@@ -113,18 +112,13 @@ impl<'a> Reference<'a> {
         Ok(reference)
     }
 
-    /// Of some ways to place a layout the one of which `judge` expects most.
-    fn best_way(
-        &self,
-        judge: &Judge,
-        mut ways: Vec<Vec<Pose>>,
-        go_on: &mut dyn FnMut() -> ControlFlow<()>,
-    ) -> Result<Vec<Pose>> {
+    /// Of some ways to place a layout the one of which fewer viewers expect most.
+    fn best_way(&self, mut ways: Vec<Vec<Pose>>, go_on: &mut dyn FnMut() -> ControlFlow<()>) -> Result<Vec<Pose>> {
         let mut best = (f64::INFINITY, 0);
         if ways.len() > 1 {
             for (index, poses) in ways.iter().enumerate() {
                 Error::unless_stopped(go_on())?;
-                let error = judge.expect(&self.cameras(poses))?.error_db;
+                let error = self.judge.expect_of(FEWER, &self.cameras(poses))?.error_db;
                 if error < best.0 {
                     best = (error, index);
                 }
@@ -226,9 +220,8 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Where the device fails.
     pub fn prediction(&self, cameras: &[Camera], points: &[DVec3]) -> Result<Prediction> {
-        let expectation = self.judge.expect(cameras)?;
         let law = self.law.coefficients.on_device();
-        let map = error_map(&self.judge, &self.scene.geometry, self.around, &law, cameras, points)?;
+        let (expectation, map) = error_map(&self.judge, &self.scene.geometry, self.around, &law, cameras, points)?;
         Ok(Prediction { expected: self.compare(&expectation), map })
     }
 

@@ -163,6 +163,15 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// Where device memory runs out or the device fails.
     pub fn expect(&self, cameras: &[Camera]) -> Result<Expectation> {
+        self.expect_of(self.viewers.len(), cameras)
+    }
+
+    /// Judges cameras, given in the user's world, by the first so many viewers alone.
+    ///
+    /// # Errors
+    /// As [`Judge::expect`].
+    pub fn expect_of(&self, viewers: usize, cameras: &[Camera]) -> Result<Expectation> {
+        let viewers = viewers.min(self.viewers.len());
         if self.context.physical().is_cpu() && cameras.len() > MAX_ON_CPU as usize {
             return Err(Error::request(format!(
                 "on a CPU device expected quality is of at most {MAX_ON_CPU} cameras, and these are {}; use a GPU, or fewer",
@@ -173,35 +182,30 @@ impl<'a> Judge<'a> {
         let views = if views.is_empty() { vec![View::default()] } else { views };
         let camera_buffer = Buffer::from_slice(&self.context, "cameras", &views)?;
         let most = self.context.physical().groups[0];
-        in_parts(
-            &self.context,
-            &mut lock(&self.pace),
-            [self.viewers.len() as u32, views.len() as u32],
-            |commands, part| {
-                for first in part.clone().step_by(most as usize) {
-                    commands
-                        .stage(
-                            &self.pipeline,
-                            ExpectedStage {
-                                nodes: &self.scene.nodes,
-                                primitives: &self.scene.primitives,
-                                looks: &self.looks,
-                                cameras: &camera_buffer,
-                                law: &self.law,
-                                errors: &self.errors,
-                                viewer_errors: &self.viewer_errors,
-                            },
-                        )
-                        .push(&ExpectedPush { views: cameras.len() as u32, first })
-                        .groups([most.min(part.end - first), 1, 1]);
-                }
-                Ok(())
-            },
-        )?;
-        Ok(aggregate(&self.viewer_errors.download::<ViewerError>(self.viewers.len())?))
+        in_parts(&self.context, &mut lock(&self.pace), [viewers as u32, views.len() as u32], |commands, part| {
+            for first in part.clone().step_by(most as usize) {
+                commands
+                    .stage(
+                        &self.pipeline,
+                        ExpectedStage {
+                            nodes: &self.scene.nodes,
+                            primitives: &self.scene.primitives,
+                            looks: &self.looks,
+                            cameras: &camera_buffer,
+                            law: &self.law,
+                            errors: &self.errors,
+                            viewer_errors: &self.viewer_errors,
+                        },
+                    )
+                    .push(&ExpectedPush { views: cameras.len() as u32, first })
+                    .groups([most.min(part.end - first), 1, 1]);
+            }
+            Ok(())
+        })?;
+        Ok(aggregate(&self.viewer_errors.download::<ViewerError>(viewers)?))
     }
 
-    /// Expected errors by look of the cameras judged last, negative where no view sees the point, zero where the
+    /// Expected errors by look of the cameras that all viewers judged last, negative where no view sees the point, zero where the
     /// look shows no surface.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::expected::{Judge, MIN_SHOWN};
+use super::expected::{Expectation, Judge, MIN_SHOWN};
 use super::law::Law;
 use super::look::{Caster, Surroundings, Viewer};
 use super::nearest::nearest_cameras;
@@ -46,7 +46,7 @@ pub struct Worst {
     pub span_db: f64,
 }
 
-/// The map of `cameras` at `points`, by the viewers of `judge`; all in the user's world.
+/// What is expected of `cameras`, and its map at `points`, by the viewers of `judge`; all in the user's world.
 ///
 /// # Errors
 /// Where the device fails.
@@ -57,8 +57,8 @@ pub(crate) fn error_map(
     law: &Law,
     cameras: &[Camera],
     points: &[DVec3],
-) -> Result<ErrorMap> {
-    judge.expect(cameras)?;
+) -> Result<(Expectation, ErrorMap)> {
+    let expectation = judge.expect(cameras)?;
     let (looks, errors) = (judge.looks()?, judge.errors()?);
     let each = looks.len() / judge.viewers().len().max(1);
     let mut order: Vec<(usize, f32)> = looks
@@ -130,7 +130,7 @@ pub(crate) fn error_map(
         });
         Worst { camera: camera.clone(), db, size, picture: picture.concat(), span_db }
     };
-    Ok(ErrorMap { points: at, worst: worst.into_iter().map(pictured).collect() })
+    Ok((expectation, ErrorMap { points: at, worst: worst.into_iter().map(pictured).collect() }))
 }
 
 /// The colour of so many decibels about the median, by `law`: from blue over white to red.

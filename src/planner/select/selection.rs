@@ -304,7 +304,7 @@ impl<'a> SelectionContext<'a> {
         subset.sort_unstable();
         let cameras = self.cameras(&subset);
         let places: Vec<DVec3> = self.held_out.points.iter().map(|point| point.position).collect();
-        let map = error_map(&judge, &self.scene.geometry, self.surroundings(&law), &law, &cameras, &places)?;
+        let (_, map) = error_map(&judge, &self.scene.geometry, self.surroundings(&law), &law, &cameras, &places)?;
         let choosing = start.elapsed().as_secs_f64();
 
         let choice = plain.choose(&subset);
