@@ -149,6 +149,7 @@ fn watching_a_run_does_not_change_it() {
         let plain = plan("plain", "");
         assert_eq!(plain, plan("synced", "--debug-sync"));
         assert_eq!(plain, plan("profiled", "--profile"));
+        assert_eq!(plain, plan("both", "--debug-sync --profile"));
     }
 }
 

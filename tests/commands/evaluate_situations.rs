@@ -26,9 +26,7 @@ fn photographs(place: &Place, folder: &str, name: &str) -> usize {
 fn a_corner_has_walls_for_everybody() {
     let place = lit_cube();
     let methods = "ours,fibonacci,fvs";
-    place.done(&format!(
-        "evaluate cube.gltf --situation corner --surface true --methods {methods} --budgets 4 {TINY} --out o"
-    ));
+    place.done(&format!("evaluate cube.gltf --situation corner --methods {methods} --budgets 4 {TINY} --out o"));
     let plans = choices(&place, "o/cube");
     assert_eq!(plans.len(), 3);
     for plan in &plans {
@@ -48,9 +46,7 @@ fn a_corner_has_walls_for_everybody() {
 #[test]
 fn photos_from_one_side_are_kept_by_all() {
     let place = lit_cube();
-    place.done(&format!(
-        "evaluate cube.gltf --situation one-side --surface true --methods ours,random --budgets 4 {TINY} --out o"
-    ));
+    place.done(&format!("evaluate cube.gltf --situation one-side --methods ours,random --budgets 4 {TINY} --out o"));
     let plans = choices(&place, "o/cube");
     let kept = |plan: &PlanRecord| -> Vec<DVec3> {
         plan.cameras[plan.cameras.len() - plan.kept..].iter().map(|camera| camera.pose.position).collect()
@@ -68,7 +64,7 @@ fn two_rooms_are_a_scene_by_themselves() {
     let place = lit_cube();
     let tiny = TINY.replace("--env sky.hdr ", "");
     place.done(&format!(
-        "evaluate --situation two-rooms --surface true --methods ours,grid,rings --budgets 8 --light traced {tiny} --out o"
+        "evaluate --situation two-rooms --methods ours,grid,rings --budgets 8 --light traced {tiny} --out o"
     ));
     let plans = choices(&place, "o/two-rooms");
     assert_eq!(plans.len(), 3);
