@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""How the error of trained splats rises with angle and footprint in rooms: forms of the law held against runs of the benchmark.
+"""How the error of trained splats rises with angle and footprint: forms of the law held against runs of the benchmark.
 
-    python3 research/law.py ROOM ... --bench BENCH --data DATA --out OUT [--by views]
+    python3 research/law.py SCENE ... --bench BENCH --data DATA --out OUT [--by views]
 
-BENCH is the folder that `camsplat benchmark` wrote. Of a built-in room DATA has NAME.ply and NAME.json, the mesh.ply and task.json of
-`camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the rooms of the benchmark's fit split, to the means of
-layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its coefficients;
-for each room Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is left, of all
-layouts, of those of one lens, and of both without random cameras. Each room counts the same. Needs numpy and scipy.
+BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has NAME.ply and NAME.json, the mesh.ply
+and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the benchmark's fit split,
+to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its
+coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is
+left, of all layouts, of those of one lens, and of both without random cameras or half of a sphere. Each scene counts the same. At the end,
+how many of the intervals that camsplat gives hold. Needs numpy and scipy.
 """
 
 import argparse
@@ -18,14 +19,16 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-SCENES = Path(__file__).parent.parent / "src/lab/benchmark/scenes.json"
+SOURCES = Path(__file__).parent.parent / "src"
+SCENES = SOURCES / "lab/benchmark/scenes.json"
 
 
-class Room:
+class Scene:
     def __init__(self, name, arguments):
         scene = next(scene for scene in json.loads(SCENES.read_text()) if scene["name"] == name)
-        self.name, self.fitted, box = name, scene["split"] == "fit", scene.get("box")
-        if not box:
+        self.name, self.fitted, self.object = name, scene["split"] == "fit", "heights" not in scene
+        box = scene.get("box")
+        if not box and not self.object:
             region = json.loads((arguments.data / f"{name}.json").read_text())["region"]
             box = region["shape"]["box"]["min"] + region["shape"]["box"]["max"]
         runs = arguments.bench / name / name
@@ -35,30 +38,44 @@ class Room:
         out = arguments.out / name
         surface = arguments.data / scene.get("file", f"{name}.ply")
         cameras = [runs / of["photos"] / "transforms.json" for of in inputs]
-        subprocess.run([arguments.looks, surface, ",".join(map(str, box)), tests, out, *cameras], check=True)
-        ends = json.loads(out.with_suffix(".json").read_text())["ends"]
+        shape = "object" if self.object else ",".join(map(str, box))
+        subprocess.run([arguments.looks, surface, shape, tests, out, *cameras], check=True)
+        looks = json.loads(out.with_suffix(".json").read_text())
+        ends, self.beside = looks["ends"], np.array(looks["beside"])
         self.starts, self.sizes = np.array([0, *ends[:-1]]), np.diff([0, *ends])
         near = np.fromfile(out.with_suffix(".f32"), np.float32).astype(float).reshape(len(results), ends[-1], 3)
         self.first, self.third, self.farther = near[..., 0], near[..., 1], near[..., 2]
+        self.log_views = np.log(np.array([run["views"] for run in results]) / 50)[:, None]
         self.one_lens = np.array(["@" not in run["method"] for run in results])
-        self.random = np.array([run["method"] == "random" for run in results])
+        self.bad = np.array([run["method"].split("=")[0] in ("random", "half") for run in results])
 
-        # The trainer leaves out photos of one colour, which `looks` does not know.
+        # The trainer leaves out photos of one colour, and `looks` test views that show little of an object.
         names = [Path(frame["file_path"]).name for frame in json.loads(tests.read_text())["frames"]]
         trained = [json.loads((runs / run["folder"] / "train.json").read_text())["test_views"] for run in results]
         trained = [{view["name"]: view["quality"]["psnr"] for view in views} for views in trained]
+        names = [names[view] for view in looks["shown"]]
         self.tested = np.array([name in trained[0] for name in names])
-        if len(names) != len(ends):
-            raise RuntimeError(f"{name}: some test views show too little of the surface")
         self.psnr = np.array([[views[name] for name in names if name in views] for views in trained])
 
+    def silhouette(self):
+        """Pixels of the surface next to one beside it, of 16 x 16 in each test view."""
+        assert (self.sizes == 256).all(), "a pixel of a test view counts for nothing"
+        beside = self.beside.reshape(-1, 16, 16)
+        edge = np.zeros_like(beside)
+        for axis in (1, 2):
+            for way in (1, -1):
+                other = np.roll(beside, way, axis)
+                other[(slice(None),) * axis + (0 if way == 1 else -1,)] = False
+                edge |= other
+        return (edge & ~beside).ravel()
+
     def expected(self, log_error):
-        """PSNR of each layout and test view that follows from the errors of its pixels, up to the room's own level."""
+        """PSNR of each layout and test view that follows from the errors of its pixels, up to the scene's own level."""
         means = np.add.reduceat(np.exp(log_error), self.starts, axis=1) / self.sizes
         return (-10 * np.log10(means))[:, self.tested]
 
     def left(self, log_error, by):
-        """What is left of PSNR, each room with the same weight."""
+        """What is left of PSNR, each scene with the same weight."""
         left = self.psnr - self.expected(log_error)
         if by == "layouts":
             left = left.mean(axis=1, keepdims=True)
@@ -72,6 +89,27 @@ def first_edition(room, p):
 def steeper(room, p):
     """An earlier fit, to eight layouts in each of three rooms."""
     return ending(room, [6.15, 0, 0.68, 6.62])
+
+
+def file_of(scene):
+    name = "law_of_objects.json" if scene.object else "law_of_rooms.json"
+    return json.loads((SOURCES / "planner/quality" / name).read_text())
+
+
+def held(scene):
+    """Share of the 90% intervals of differences of two layouts with one lens, by camsplat's law, that hold what was trained."""
+    expected, trained = scene.expected(built_in(scene, [])).mean(axis=1)[scene.one_lens], scene.psnr.mean(axis=1)[scene.one_lens]
+    a, b = np.triu_indices(len(expected), 1)
+    alike, each = file_of(scene)["spread"]
+    wide = 1.645 * np.hypot(alike, each * (expected[a] - expected[b]))
+    return np.mean(np.abs((trained - expected)[a] - (trained - expected)[b]) < wide), len(a)
+
+
+def built_in(scene, p):
+    """The law of camsplat."""
+    law = file_of(scene)["coefficients"]
+    log_error = ending(scene, [law["nearest"], law["third"], law["farther"], law["most"] or 80])
+    return log_error + np.log(law["background"]) * scene.beside if scene.object else log_error
 
 
 def fitted(room, p):
@@ -88,9 +126,40 @@ def far_beyond(room, p):
     return p[0] * room.first + p[1] * room.third + p[2] * np.maximum(room.farther - np.log(2.5), 0)
 
 
+def of_object(form):
+    """With pixels beside the object, whose weight is the exponential of the last parameter."""
+    def law(scene, p):
+        return form(scene, p[:-1]) + p[-1] * scene.beside
+
+    law.__name__ = form.__name__
+    return law
+
+
+def first_edition_of_objects(scene, p):
+    return first_edition(scene, p) + np.log(0.0463) * scene.beside
+
+
+def of_angles(name, of):
+    """Without an end, by a function of the nearest view's angle."""
+    def law(scene, p):
+        return p[0] * of(scene.first) + p[1] * scene.third + p[2] * scene.farther
+
+    law.__name__ = name
+    return law
+
+
+def steeper_at_silhouettes(scene, p):
+    rise = (p[0] * scene.first + p[1] * scene.third) * (1 + p[4] * scene.silhouette()) + p[2] * scene.farther
+    return -np.logaddexp(-rise, -p[3])
+
+
+def by_number_of_views(scene, p):
+    return ending(scene, p) + p[4] * scene.log_views
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("rooms", nargs="+")
+    parser.add_argument("scenes", nargs="+")
     parser.add_argument("--looks", default="target/release/examples/looks")
     parser.add_argument("--bench", type=Path, required=True)
     parser.add_argument("--data", type=Path, required=True)
@@ -98,21 +167,35 @@ def main():
     parser.add_argument("--by", choices=["layouts", "views"], default="layouts")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    rooms = [Room(name, arguments) for name in arguments.rooms]
-    laws = [(first_edition, []), (steeper, []), (fitted, [2, 0.5, 0.7]), (ending, [3, 0.5, 0.7, 6]), (far_beyond, [2, 0.5, 0.7])]
+    scenes = [Scene(name, arguments) for name in arguments.scenes]
+    laws = [(first_edition, []), (built_in, []), (steeper, []), (fitted, [2, 0.5, 0.7]), (ending, [3, 0.5, 0.7, 6]), (far_beyond, [2, 0.5, 0.7])]
+    if scenes[0].object:
+        angles = [("root", np.sqrt), ("logarithm", lambda g: np.log1p(g / 0.3)), ("sine", lambda g: np.sin(np.minimum(g, 1.57))),
+                  ("chord", lambda g: 2 * np.sin(g / 2))]
+        forms = [(fitted, []), (ending, [5]), *((of_angles(*one), []) for one in angles), (steeper_at_silhouettes, [5, 0.1]),
+                 (by_number_of_views, [5, 0.1])]
+        laws = [(first_edition_of_objects, []), (built_in, []), *((of_object(form), [3, 1, 0.6, *more, -4]) for form, more in forms)]
     for law, start in laws:
         def residuals(p, law=law):
-            return np.concatenate([room.left(law(room, p), arguments.by) for room in rooms if room.fitted])
+            return np.concatenate([scene.left(law(scene, p), arguments.by) for scene in scenes if scene.fitted])
 
-        p = least_squares(residuals, start, diff_step=1e-3).x if start else []
-        print(law.__name__, " ".join(f"{value:.2f}" for value in p), f"mean square {np.sum(residuals(p) ** 2) / sum(room.fitted for room in rooms):.2f}")
-        for room in rooms:
-            expected, trained = room.expected(law(room, p)).mean(axis=1), room.psnr.mean(axis=1)
-            parts = {"all": room.one_lens | True, "not random": ~room.random, "one lens": room.one_lens}
-            for which, of in {**parts, "one lens, not random": room.one_lens & ~room.random}.items():
+        fits = start and any(scene.fitted for scene in scenes)
+        if start and not fits:
+            continue
+        p = least_squares(residuals, start, diff_step=1e-3).x if fits else []
+        print(law.__name__, " ".join(f"{value:.2f}" for value in p))
+        if any(scene.fitted for scene in scenes):
+            print(f"  mean square {np.sum(residuals(p) ** 2) / sum(scene.fitted for scene in scenes):.2f}")
+        for scene in scenes:
+            expected, trained = scene.expected(law(scene, p)).mean(axis=1), scene.psnr.mean(axis=1)
+            parts = {"all": scene.one_lens | True, "good": ~scene.bad, "one lens": scene.one_lens, "one lens, good": scene.one_lens & ~scene.bad}
+            for which, of in parts.items():
                 x, y = expected[of], trained[of]
-                print(f"  {room.name} ({'fit' if room.fitted else 'not fitted'}, {which}): {np.corrcoef(x, y)[0, 1]:.3f}, "
+                print(f"  {scene.name} ({'fit' if scene.fitted else 'not fitted'}, {which}): {np.corrcoef(x, y)[0, 1]:.3f}, "
                       f"{np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")
+    for scene in scenes:
+        share, pairs = held(scene)
+        print(f"90% intervals of {scene.name} hold {share:.2f} of {pairs} differences")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! TESTS and CAMERAS are plan.json, transforms.json or folders of these. Writes OUT.json (where the pixels of each test view end, which are
-//! beside the object, and the number of cameras of each layout) and OUT.f32: layout by layout and pixel by pixel the two angles in radians
+//! beside the object, the number of cameras of each layout, and which test views show enough of the surface) and OUT.f32: layout by layout and pixel by pixel the two angles in radians
 //! (2 where there is none) and the logarithm of its pixels' footprint over that of the viewer's, not below 0.
 
 use std::fs;
@@ -44,11 +44,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cameras = |file: &String| -> Result<Vec<Camera>, camsplat::Error> {
         Ok(read_cameras_with_notes(&plan_file(Path::new(file)))?.0)
     };
-    let runs: Vec<(String, Vec<Camera>, f64)> =
-        layouts.iter().map(|file| Ok((file.clone(), cameras(file)?, 0.0))).collect::<Result<_, camsplat::Error>>()?;
-    let seen = Observations::new(surface, &geometry, around, &cameras(tests)?, &runs);
+    let tests = cameras(tests)?;
+    let untrained = vec![0.0; tests.len()];
+    let runs: Vec<(String, Vec<Camera>, Vec<f64>)> = layouts
+        .iter()
+        .map(|file| Ok((file.clone(), cameras(file)?, untrained.clone())))
+        .collect::<Result<_, camsplat::Error>>()?;
+    let seen = Observations::new(surface, &geometry, around, &tests, &runs);
     let views: Vec<u32> = seen.layouts.iter().map(|layout| layout.views).collect();
-    let text = serde_json::json!({ "ends": seen.ends, "beside": seen.beside, "views": views });
+    let text = serde_json::json!({ "ends": seen.ends, "beside": seen.beside, "views": views, "shown": seen.shown });
     fs::write(format!("{out}.json"), text.to_string())?;
     let near = seen.layouts.iter().flat_map(|layout| layout.near.iter().flatten());
     fs::write(format!("{out}.f32"), near.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())?;

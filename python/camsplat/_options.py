@@ -542,7 +542,7 @@ class EvaluateOptions(TypedDict, total=False):
     viewers: Union[File, Cameras, Plan, npt.ArrayLike]
     """Where the trained model will be viewed from: shell:CX,CY,CZ,RMIN,RMAX; box:X0,Y0,Z0,X1,Y1,Z1; cone:DEGREES,X,Y,Z, the default within a cone around this direction; heights:LOW,HIGH, the default between these; or a file or folder of cameras [default: around an object, between half of the region's outer radius and all of it; in rooms, anywhere; with `select`, where the photos were taken]"""
 
-    situation: Literal["free", "floor", "wall", "corner", "clutter", "one-side", "front", "two-rooms", "bare-room", "furnished-room", "crowded-room"]
+    situation: Literal["free", "floor", "wall", "corner", "clutter", "one-side", "front", "two-rooms", "bare-room", "furnished-room", "crowded-room", "long-room", "library", "small-room"]
     """Surroundings in which objects are photographed, or built-in rooms. Floors, walls and blocks become part of the scene, and cameras and viewers respect them [default: free]"""
 
     keep_out: Union[File, Sequence[File]]

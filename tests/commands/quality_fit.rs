@@ -3,7 +3,7 @@
 use crate::support::command::Place;
 use crate::support::command::gltf::cube;
 use camsplat::lab::evaluate::layouts::Trained;
-use camsplat::lab::quality_fit::{Agreement, Correlation, Fit};
+use camsplat::lab::quality_fit::{Agreement, Correlation, Fit, Layout, Observations};
 use camsplat::planner::quality::law::{Coefficients, Fitted};
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
@@ -14,6 +14,8 @@ const SCENES: [&str; 4] = ["a", "b", "c", "d"];
 const LAYOUTS: u32 = 12;
 const VIEWS: u32 = 8;
 const TESTS: u32 = 12;
+/// A test view that shows nothing.
+const AWAY: u32 = 5;
 
 fn camera(name: String, position: DVec3) -> Camera {
     let intrinsics = Intrinsics::from_fov(64, 64, 50f64.to_radians());
@@ -31,8 +33,8 @@ fn layout(seed: u64, layout: u32) -> Vec<Camera> {
     (0..VIEWS).map(|i| camera(format!("{i:04}.png"), position(i))).collect()
 }
 
-/// Writes what an evaluation leaves, with `psnr` of a scene's layout.
-fn evaluation(place: &Place, folder: &str, psnr: impl Fn(usize, u32) -> f64) {
+/// Writes what an evaluation leaves, with `psnr` of a scene's layout in a test view.
+fn evaluation(place: &Place, folder: &str, psnr: impl Fn(usize, u32, usize) -> f64) {
     let write = |name: String, value: Value| {
         let path = place.path(&format!("{folder}/{name}"));
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -42,7 +44,11 @@ fn evaluation(place: &Place, folder: &str, psnr: impl Fn(usize, u32) -> f64) {
     for (index, scene) in SCENES.into_iter().enumerate() {
         let test = |i: u32| {
             let [u, v, w, _] = random::uniforms(9, 77, i);
-            camera(format!("half_{i:04}.png"), (4.0 + 2.0 * w) * random::direction(u, v))
+            let mut test = camera(format!("half_{i:04}.png"), (4.0 + 2.0 * w) * random::direction(u, v));
+            if i == AWAY {
+                test.pose = Pose::looking(test.pose.position, test.pose.position, DVec3::Y);
+            }
+            test
         };
         let tests: Vec<Camera> = (0..TESTS).map(test).collect();
         write(format!("{scene}/photos-t/capture.json"), json!({ "cameras": tests }));
@@ -53,10 +59,11 @@ fn evaluation(place: &Place, folder: &str, psnr: impl Fn(usize, u32) -> f64) {
                 format!("{scene}/training-{of}/done.json"),
                 json!({ "inputs": { "photos": format!("photos-{of}"), "tests": "photos-t" } }),
             );
-            let view = |test: &Camera| json!({ "name": test.name, "quality": { "psnr": psnr(index, of), "ssim": 0.5, "lpips": null } });
+            let view = |(view, test): (usize, &Camera)| json!({ "name": test.name, "quality": { "psnr": psnr(index, of, view), "ssim": 0.5, "lpips": null } });
+            // In another order than they were captured in.
             write(
                 format!("{scene}/training-{of}/train.json"),
-                json!({ "test_views": tests.iter().map(view).collect::<Vec<_>>() }),
+                json!({ "test_views": tests.iter().enumerate().rev().map(view).collect::<Vec<_>>() }),
             );
             runs.push(json!({ "scene": scene, "method": format!("cameras:l{of}.json"), "seed": 0, "folder": format!("training-{of}") }));
         }
@@ -75,20 +82,35 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
     for scene in SCENES {
         place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
     }
-    evaluation(&place, "flat", |_, _| 20.0);
+    evaluation(&place, "flat", |_, _, _| 20.0);
     let coefficients = Coefficients { nearest: 1.1, third: 0.5, farther: 0.9, background: 0.06, most: Some(3.0) };
     let law = Fitted { coefficients, ..Fitted::embedded(true) };
     let nothing = Correlation { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
     let nothing = Agreement { whole: nothing, of_budgets: None };
     let known = Fit { law, fitted: nothing, held_out: None };
-    let expected: Vec<Vec<f64>> = SCENES
+    // Of each scene and test view, as if it were the only one.
+    let expected: Vec<Vec<Vec<f64>>> = SCENES
         .iter()
         .map(|scene| {
             let runs = Trained::read(&place.path(&format!("{scene}.gltf")), &[place.path("flat")]).unwrap();
-            known.expected(&runs[0].observations())
+            let all = runs[0].observations();
+            assert_eq!(all.shown, (0..TESTS as usize).filter(|view| *view != AWAY as usize).collect::<Vec<_>>());
+            let starts = std::iter::once(&0).chain(&all.ends);
+            let of_view = |(start, end): (&usize, &usize)| {
+                let near = |layout: &Layout| layout.near[*start..*end].to_vec();
+                let layouts =
+                    all.layouts.iter().map(|layout| Layout { near: near(layout), ..layout.clone() }).collect();
+                let (name, beside) = (all.name.clone(), all.beside[*start..*end].to_vec());
+                known.expected(&Observations { name, beside, shown: vec![0], ends: vec![end - start], layouts })
+            };
+            let mut views: Vec<_> = starts.zip(&all.ends).map(of_view).collect();
+            views.insert(AWAY as usize, vec![0.0; LAYOUTS as usize]);
+            views
         })
         .collect();
-    evaluation(&place, "o", |scene, layout| 20.0 + scene as f64 + expected[scene][layout as usize]);
+    evaluation(&place, "o", |scene, layout, view| {
+        20.0 + (scene + view) as f64 + expected[scene][view][layout as usize]
+    });
 
     let fit = "quality fit a.gltf b.gltf c.gltf d.gltf --evaluations o --held-out d";
     let ran = place.done(&format!("{fit} --out law.json --layouts layouts.csv"));
@@ -127,7 +149,7 @@ fn what_cannot_be_fitted_is_refused_and_writes_nothing() {
         place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
     }
     // Cameras on one side train best: no law has error rise with angle and distance.
-    evaluation(&place, "o", |scene, layout| 20.0 - random::uniforms(scene as u64, 1, layout)[0]);
+    evaluation(&place, "o", |scene, layout, _| 20.0 - random::uniforms(scene as u64, 1, layout)[0]);
     let refused = |arguments: &str, words: &[&str]| {
         let ran = place.run(&format!("quality fit {arguments} --out law.json"));
         assert_eq!((ran.code, ran.err.lines().count()), (Some(2), 1), "{arguments}: {}", ran.err);
@@ -153,7 +175,7 @@ fn what_an_evaluation_was_photographed_in_is_part_of_what_is_looked_at() {
     for scene in SCENES {
         place.write(&format!("{scene}.gltf"), cube(", \"materials\": [{}]"));
     }
-    evaluation(&place, "o", |_, _| 20.0);
+    evaluation(&place, "o", |_, _, _| 20.0);
     let free: Value = serde_json::from_str(&place.read("o/results.json")).unwrap();
     let looks = |said: Value| {
         let mut results = free.clone();
@@ -165,7 +187,7 @@ fn what_an_evaluation_was_photographed_in_is_part_of_what_is_looked_at() {
     let (alone, floor) = (surface(json!({})), surface(json!({ "situation": "floor" })));
     assert!(2 * alone < floor, "looks at the surface: {alone} without a floor, {floor} with it");
     // Both together: a part for each, in which layouts are compared.
-    evaluation(&place, "p", |_, _| 20.0);
+    evaluation(&place, "p", |_, _, _| 20.0);
     let both = Trained::read(&place.path("a.gltf"), &[place.path("o"), place.path("p")]).unwrap();
     let parts: Vec<_> = both.iter().map(|part| (part.situation.name(), part.observations().layouts.len())).collect();
     assert_eq!(parts, [("floor", LAYOUTS as usize), ("free", LAYOUTS as usize)]);

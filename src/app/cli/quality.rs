@@ -99,7 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
             let situation = runs.situation.name();
             let scored = runs.scored(context, &fit.law.coefficients.on_device())?;
             for ((layout, expected), scored) in scene.layouts.iter().zip(expected).zip(scored) {
-                let (name, of, psnr) = (layout.name.replace([',', '"', '\n'], ";"), layout.views, layout.psnr);
+                let (name, of, psnr) = (layout.name.replace([',', '"', '\n'], ";"), layout.views, layout.trained());
                 // Writing to a string cannot fail.
                 let _ = writeln!(csv, "{of_scene},{situation},{held},{of},{name},{expected:.3},{scored:.3},{psnr:.3}");
             }

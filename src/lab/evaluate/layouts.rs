@@ -88,8 +88,8 @@ struct Captured {
     cameras: Vec<Camera>,
 }
 
-/// Name, cameras and mean PSNR of each.
-type Runs = Vec<(String, Vec<Camera>, f64)>;
+/// Name, cameras and PSNR by test view of each.
+type Runs = Vec<(String, Vec<Camera>, Vec<f64>)>;
 
 /// The trainings of one scene in one situation.
 pub struct Trained {
@@ -188,8 +188,8 @@ fn label(method: &str) -> &str {
     }
 }
 
-/// Test cameras that were evaluated, cameras and mean PSNR of a training.
-fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, f64)> {
+/// Test cameras that were evaluated, cameras and PSNR by test camera of a training.
+fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, Vec<f64>)> {
     let folder = root.join(key);
     let done: Done = read(&folder.join("done.json"))?;
     let record: Tested = read(&folder.join(TRAINED))?;
@@ -197,22 +197,24 @@ fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, f64)> {
         return Err(Error::input(&folder, "this training has no test views; fit runs of camsplat evaluate"));
     };
     let cameras = |key: &str| read::<Captured>(&root.join(key).join(CAPTURED)).map(|record| record.cameras);
-    let psnr: Vec<f64> = record.test_views.iter().map(|view| view.quality.psnr).collect();
-    if psnr.is_empty() || !psnr.iter().all(|value| value.is_finite()) {
+    if record.test_views.is_empty() || !record.test_views.iter().all(|view| view.quality.psnr.is_finite()) {
         return Err(Error::input(
             &folder,
             "a test view has no finite PSNR; remove the folder and run the evaluation again",
         ));
     }
-    let looked_at = |test: &Camera| record.test_views.iter().any(|view| view.name == test.name);
-    let tests: Vec<Camera> = cameras(&tests)?.into_iter().filter(looked_at).collect();
-    if tests.len() != psnr.len() {
+    let of_view = |test: Camera| {
+        let view = record.test_views.iter().find(|view| view.name == test.name)?;
+        Some((test, view.quality.psnr))
+    };
+    let (tests, psnr): (Vec<Camera>, Vec<f64>) = cameras(&tests)?.into_iter().filter_map(of_view).unzip();
+    if tests.len() != record.test_views.len() {
         return Err(Error::input(
             &folder,
             "its test views are not those of its capture; remove the folder and run the evaluation again",
         ));
     }
-    Ok((tests, cameras(&done.inputs.photos)?, psnr.iter().sum::<f64>() / psnr.len() as f64))
+    Ok((tests, cameras(&done.inputs.photos)?, psnr))
 }
 
 fn read<T: for<'de> Deserialize<'de>>(file: &Path) -> Result<T> {

@@ -12,7 +12,7 @@ use crate::scene::limits::{Limits, Wall};
 use crate::scene::model::Model;
 use crate::scene::random;
 use crate::scene::region::{Region, Shape};
-use crate::scene::samples::textured::{Clutter, Surroundings, furnished_room, two_rooms_model};
+use crate::scene::samples::textured::{SingleRoom, Surroundings, furnished_room, two_rooms_model};
 use crate::scene::volume::{Volume, box_triangles};
 use crate::visibility::device_scene::SceneGeometry;
 use crate::{Error, Result};
@@ -57,6 +57,12 @@ pub enum Situation {
     FurnishedRoom,
     /// A room with things wherever there is a place, in place of a scene file
     CrowdedRoom,
+    /// A long room, in place of a scene file
+    LongRoom,
+    /// A room full of shelves, in place of a scene file
+    Library,
+    /// A small room with full walls, in place of a scene file
+    SmallRoom,
 }
 
 impl Situation {
@@ -74,6 +80,9 @@ impl Situation {
             Self::BareRoom => "bare-room",
             Self::FurnishedRoom => "furnished-room",
             Self::CrowdedRoom => "crowded-room",
+            Self::LongRoom => "long-room",
+            Self::Library => "library",
+            Self::SmallRoom => "small-room",
         }
     }
 
@@ -91,6 +100,9 @@ impl Situation {
             Self::BareRoom => ", a room with a few things",
             Self::FurnishedRoom => ", a furnished room",
             Self::CrowdedRoom => ", a crowded room",
+            Self::LongRoom => ", a long room",
+            Self::Library => ", a room full of shelves",
+            Self::SmallRoom => ", a small room",
         }
     }
 
@@ -106,18 +118,24 @@ impl Situation {
 
     /// The rooms that are the scene themselves; none where it is of objects in files.
     pub fn rooms(self) -> Option<Model> {
-        match self {
-            Self::TwoRooms => Some(two_rooms_model()),
-            Self::BareRoom => Some(furnished_room(Clutter::Bare)),
-            Self::FurnishedRoom => Some(furnished_room(Clutter::Furnished)),
-            Self::CrowdedRoom => Some(furnished_room(Clutter::Crowded)),
-            _ => None,
-        }
+        if self == Self::TwoRooms { Some(two_rooms_model()) } else { self.single_room().map(furnished_room) }
     }
 
     /// Whether it has [`Self::rooms`].
     pub fn is_room(self) -> bool {
-        matches!(self, Self::TwoRooms | Self::BareRoom | Self::FurnishedRoom | Self::CrowdedRoom)
+        self == Self::TwoRooms || self.single_room().is_some()
+    }
+
+    fn single_room(self) -> Option<SingleRoom> {
+        match self {
+            Self::BareRoom => Some(SingleRoom::Bare),
+            Self::FurnishedRoom => Some(SingleRoom::Furnished),
+            Self::CrowdedRoom => Some(SingleRoom::Crowded),
+            Self::LongRoom => Some(SingleRoom::Long),
+            Self::Library => Some(SingleRoom::Library),
+            Self::SmallRoom => Some(SingleRoom::Small),
+            _ => None,
+        }
     }
 
     /// Where viewers look from by default.

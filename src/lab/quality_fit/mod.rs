@@ -1,10 +1,10 @@
-//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each scene and situation, whatever their
-//! numbers of views.
+//! The fit of the law: least squares of the trained PSNR of layouts on the expected one, within each test view of a scene and situation,
+//! whatever the layouts' numbers of views.
 //!
 //! A layout's expected quality is the mean over test views of `-10 log10` of the mean of `w / (exp(-z) + exp(-m))` over the pixels of a
 //! grid, with `z = b1 g1 + b3 g3 + c max(ln r, 0)`, as [`law`](crate::planner::quality::law) has it. What is fitted is `b1`, `b3`, `c`, the
 //! weight `w` of pixels beside an object, and the end `m`; the scale needs no factor of its own, since it is that of the others. What all
-//! layouts of a scene share, such as material and light, cancels. The third nearest view and the end are in the law only where each lowers
+//! layouts share in a test view, such as material and light, cancels. The third nearest view and the end are in the law only where each lowers
 //! the sum of squares by a fiftieth.
 
 mod observation;
@@ -22,6 +22,8 @@ use crate::{Error, Result};
 const MIN_LAYOUTS: usize = 3;
 /// Where the search begins.
 const START: [f64; N] = [1.0, 0.5, 0.5, -3.0, 6.0];
+/// Where it begins once more in a law with an end: from too far an end it may run on to none.
+const NEAR_END: f64 = 3.0;
 /// How far beyond what errors rise by angle an end is none: it takes a twentieth of them at most.
 const BEYOND: f64 = 3.0;
 /// By how much the sum of squares must fall for what is added to the law: by a fiftieth.
@@ -86,6 +88,12 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
             "the fit needs {MIN_LAYOUTS} layouts or more of one scene, and others that differ; train more layouts"
         ))
     };
+    if let Some(scene) = scenes.iter().find(|scene| scene.ends.is_empty()) {
+        return Err(Error::request(format!(
+            "no test view of {} shows enough of its surface; leave it out",
+            scene.name
+        )));
+    }
     let object = scenes.iter().any(|scene| scene.beside.contains(&true));
     if let Some(room) = scenes.iter().find(|scene| object && !scene.beside.contains(&true)) {
         let what =
@@ -108,8 +116,10 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         .iter()
         .filter(|_| own_names.len() > 2)
         .filter_map(|left| {
+            // Of the same form, which is chosen once; of another only where the rest does not determine this one.
             let others: Vec<_> = fitted.iter().filter(|scene| scene.name != *left).copied().collect();
-            least_squares(&others, object).map(|(theta, _)| theta)
+            let same = solved(&others, &free).map(|(theta, _)| theta);
+            same.or_else(|| least_squares(&others, object).map(|(theta, _)| theta))
         })
         .collect();
     let deviation = (without.len() == own_names.len() && own_names.len() > 2).then(|| {
@@ -124,7 +134,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
         let of = |scene: &&Observations| {
             let expected = solver::expected(scene, &best);
             let groups = if of_budgets { scene.groups() } else { vec![(0..scene.layouts.len()).collect()] };
-            let pair = |i: usize| (expected[i], scene.layouts[i].psnr);
+            let pair = |i: usize| (expected[i], scene.layouts[i].trained());
             groups.into_iter().map(|group| group.into_iter().map(pair).collect::<Vec<Pair>>()).collect::<Vec<_>>()
         };
         scenes.iter().flat_map(of).filter(|group| group.len() >= MIN_LAYOUTS).collect()
@@ -168,34 +178,45 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
 
 /// The best parameters, and which of them are fitted: with the third nearest view and an end where these earn their places.
 fn least_squares(scenes: &[&Observations], object: bool) -> Option<([f64; N], [bool; N])> {
-    let solved = |third: bool, most: bool| {
-        let mut start = START;
+    let of_form = |third: bool, most: bool| {
         let free: [bool; N] = std::array::from_fn(|k| match k {
             THIRD => third,
             MOST => most,
             BESIDE => object,
             _ => true,
         });
-        for (k, without) in [(THIRD, 0.0), (BESIDE, 0.0), (MOST, NO_END)] {
-            if !free[k] {
-                start[k] = without;
-            }
-        }
-        // Each scene has a level of its own.
-        let differences =
-            scenes.iter().filter(|scene| scene.layouts.len() >= MIN_LAYOUTS).map(|scene| scene.layouts.len() - 1);
-        if differences.sum::<usize>() <= free.iter().filter(|free| **free).count() {
-            return None;
-        }
-        let (theta, cost) = solver::solve(scenes, start, &free)?;
+        let (theta, cost) = solved(scenes, &free)?;
         let ends = theta[MOST] < FARTHEST * (theta[0] + theta[THIRD]) + BEYOND;
         let fits = theta[THIRD] >= 0.0 && (!most || ends);
         let more = i32::from(third) + i32::from(most);
         fits.then_some((cost * EARNS.powi(more), theta, free))
     };
     let all = [(false, false), (false, true), (true, false), (true, true)];
-    let found = all.into_iter().filter_map(|(third, most)| solved(third, most));
+    let found = all.into_iter().filter_map(|(third, most)| of_form(third, most));
     found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, theta, free)| (theta, free))
+}
+
+/// The parameters of least squares where these are `free`, and the sum of squares; none of too few layouts.
+fn solved(scenes: &[&Observations], free: &[bool; N]) -> Option<([f64; N], f64)> {
+    let mut start = START;
+    for (k, without) in [(THIRD, 0.0), (BESIDE, 0.0), (MOST, NO_END)] {
+        if !free[k] {
+            start[k] = without;
+        }
+    }
+    // Each scene has levels of its own.
+    let differences =
+        scenes.iter().filter(|scene| scene.layouts.len() >= MIN_LAYOUTS).map(|scene| scene.layouts.len() - 1);
+    if differences.sum::<usize>() <= free.iter().filter(|free| **free).count() {
+        return None;
+    }
+    let near = free[MOST].then(|| {
+        let mut near = start;
+        near[MOST] = NEAR_END;
+        near
+    });
+    let found = [Some(start), near].into_iter().flatten().filter_map(|start| solver::solve(scenes, start, free));
+    found.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Standard deviation of the trained difference of two layouts of a scene with the same lens about the one that a law expects: of layouts of
@@ -206,7 +227,7 @@ fn spread(scenes: &[(&Observations, [f64; N])]) -> [f64; 2] {
         let expected = solver::expected(scene, theta);
         for (i, a) in scene.layouts.iter().enumerate() {
             for (j, b) in scene.layouts[..i].iter().enumerate().filter(|(_, b)| a.degrees == b.degrees) {
-                let (x, y) = (expected[i] - expected[j], a.psnr - b.psnr);
+                let (x, y) = (expected[i] - expected[j], a.trained() - b.trained());
                 if a.views == b.views && x.abs() < 0.25 {
                     near.push((y - x).powi(2));
                 }
@@ -249,6 +270,14 @@ mod tests {
     use super::*;
     use crate::scene::random;
 
+    /// Trains the layouts by the law `theta`, with `more` of each. Each test view has a level of its own.
+    fn train(scene: &mut Observations, theta: &[f64; N], more: impl Fn(u32) -> f64) {
+        let views: Vec<_> = scene.layouts.iter().map(|layout| solver::predict(scene, layout, theta)).collect();
+        for (l, (layout, views)) in (0..).zip(scene.layouts.iter_mut().zip(views)) {
+            layout.psnr = (0..).zip(views).map(|(view, (db, _))| 25.0 + 2.0 * f64::from(view) + db + more(l)).collect();
+        }
+    }
+
     /// Layouts whose looks have these angles and footprints at random, trained by the law `theta`, with noise of `noise` dB.
     fn scene(name: &str, theta: [f64; N], noise: f64, seed: u64) -> Observations {
         let (views, looks) = (6, 40);
@@ -262,15 +291,25 @@ mod tests {
                 [g1, (g1 + size * b).min(2.0), (c * 2.0 * random::uniforms(seed, 8, l)[1] - 0.4).max(0.0)]
                     .map(|x| x as f32)
             });
-            Layout { name: format!("{l}"), views: 10 + 10 * (l % 2), degrees: 50, psnr: 0.0, near: near.collect() }
+            Layout {
+                name: format!("{l}"),
+                views: 10 + 10 * (l % 2),
+                degrees: 50,
+                psnr: Vec::new(),
+                near: near.collect(),
+            }
         };
-        let mut scene = Observations { name: name.into(), beside, ends, layouts: (0..16).map(layout).collect() };
-        let expected = solver::expected(&scene, &theta);
-        for (l, (layout, db)) in (0..).zip(scene.layouts.iter_mut().zip(expected)) {
+        let mut scene = Observations {
+            name: name.into(),
+            beside,
+            shown: (0..views).collect(),
+            ends,
+            layouts: (0..16).map(layout).collect(),
+        };
+        train(&mut scene, &theta, |l| {
             let [u, v, ..] = random::uniforms(seed, 7, l);
-            // Each scene has a level of its own.
-            layout.psnr = 25.0 + (seed % 7) as f64 + db + noise * 12f64.sqrt() * (0.5 * (u + v) - 0.5) * 2f64.sqrt();
-        }
+            (seed % 7) as f64 + noise * 12f64.sqrt() * (0.5 * (u + v) - 0.5) * 2f64.sqrt()
+        });
         scene
     }
 
@@ -306,8 +345,7 @@ mod tests {
         let room = |name: &str, theta, seed| {
             let mut room = scene(name, theta, 0.0, seed);
             room.beside.iter_mut().for_each(|beside| *beside = false);
-            let expected = solver::expected(&room, &theta);
-            room.layouts.iter_mut().zip(expected).for_each(|(layout, db)| layout.psnr = 20.0 + db);
+            train(&mut room, &theta, |_| 0.0);
             room
         };
         let rooms = |theta| [room("a", theta, 50), room("b", theta, 51), room("c", theta, 52)];
@@ -374,8 +412,8 @@ mod tests {
         // Two layouts that are expected to be alike and differ by 3 dB.
         let mut alike = of("d", 1.3, 43);
         alike.layouts.truncate(1);
-        alike.layouts[0].psnr = 25.0;
-        alike.layouts.push(Layout { psnr: 28.0, ..alike.layouts[0].clone() });
+        alike.layouts[0].psnr = vec![25.0; 6];
+        alike.layouts.push(Layout { psnr: vec![28.0; 6], ..alike.layouts[0].clone() });
         assert_eq!(spread(&[(&alike, START)]), [3.0, 0.0]);
         alike.layouts[1].degrees = 80;
         assert_eq!(spread(&[(&alike, START)]), [0.0, 0.0]);

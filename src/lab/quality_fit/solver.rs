@@ -21,15 +21,19 @@ const STEPS: u32 = 200;
 /// Decibels of a natural logarithm.
 const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;
 
-/// Expected quality of each layout in decibels.
+/// Expected quality of each layout in decibels, the mean over test views.
 pub fn expected(scene: &Observations, theta: &[f64; N]) -> Vec<f64> {
-    scene.layouts.iter().map(|layout| predict(scene, layout, theta).0).collect()
+    let mean = |views: Vec<Predicted>| views.iter().map(|view| view.0).sum::<f64>() / views.len().max(1) as f64;
+    scene.layouts.iter().map(|layout| mean(predict(scene, layout, theta))).collect()
 }
 
-/// Expected quality of a layout, and its derivatives.
-fn predict(scene: &Observations, layout: &Layout, theta: &[f64; N]) -> (f64, [f64; N]) {
-    let (mut db, mut slopes, mut first) = (0.0, [0.0; N], 0);
-    for end in &scene.ends {
+/// Expected quality, and its derivatives.
+type Predicted = (f64, [f64; N]);
+
+/// What is expected of a layout in each test view.
+pub(super) fn predict(scene: &Observations, layout: &Layout, theta: &[f64; N]) -> Vec<Predicted> {
+    let mut first = 0;
+    let of_view = |end: &usize| {
         let (mut sum, mut moments) = (0.0, [0.0; N]);
         for look in first..*end {
             let near = layout.near[look].map(f64::from);
@@ -44,12 +48,11 @@ fn predict(scene: &Observations, layout: &Layout, theta: &[f64; N]) -> (f64, [f6
             moments[BESIDE] += error * beside;
             moments[MOST] += error * ended;
         }
-        db -= DECIBELS * (sum / (end - first) as f64).ln();
-        (0..N).for_each(|k| slopes[k] -= DECIBELS * moments[k] / sum);
+        let db = -DECIBELS * (sum / (end - first) as f64).ln();
         first = *end;
-    }
-    let views = scene.ends.len().max(1) as f64;
-    (db / views, slopes.map(|slope| slope / views))
+        (db, moments.map(|moment| -DECIBELS * moment / sum))
+    };
+    scene.ends.iter().map(of_view).collect()
 }
 
 /// Sum of squares, gradient and matrix of the normal equations.
@@ -59,28 +62,30 @@ struct Normal {
     matrix: [[f64; N]; N],
 }
 
-/// Residuals are centred within each scene, and each of these counts the same. Those that are not `free` have no part.
+/// Residuals are centred within each test view, and each scene in a situation counts the same. Those that are not `free` have no part.
 fn normal(scenes: &[&Observations], theta: &[f64; N], free: &[bool; N]) -> Normal {
     let mut all = Normal { cost: 0.0, gradient: [0.0; N], matrix: [[0.0; N]; N] };
-    for scene in scenes {
+    for scene in scenes.iter().filter(|scene| scene.layouts.len() >= MIN_LAYOUTS) {
         let predicted = mapped(&scene.layouts, |_, layout| predict(scene, layout, theta));
-        if scene.layouts.len() < MIN_LAYOUTS {
-            continue;
-        }
-        let share = 1.0 / scene.layouts.len() as f64;
-        let of_free = |slopes: [f64; N]| -> [f64; N] { std::array::from_fn(|k| if free[k] { slopes[k] } else { 0.0 }) };
-        let rows =
-            scene.layouts.iter().zip(&predicted).map(|(layout, (db, slopes))| (db - layout.psnr, of_free(*slopes)));
-        let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {
-            (r + share * residual, std::array::from_fn(|k| s[k] + share * slopes[k]))
-        });
-        for (residual, slopes) in rows {
-            let residual = residual - mean.0;
-            let slopes: [f64; N] = std::array::from_fn(|k| slopes[k] - mean.1[k]);
-            all.cost += share * residual * residual;
-            for i in 0..N {
-                all.gradient[i] += share * residual * slopes[i];
-                (0..N).for_each(|j| all.matrix[i][j] += share * slopes[i] * slopes[j]);
+        let of_layout = 1.0 / scene.layouts.len() as f64;
+        let share = of_layout / scene.ends.len() as f64;
+        for view in 0..scene.ends.len() {
+            let rows = scene.layouts.iter().zip(&predicted).map(|(layout, views)| {
+                let (db, slopes) = views[view];
+                let slopes: [f64; N] = std::array::from_fn(|k| if free[k] { slopes[k] } else { 0.0 });
+                (db - layout.psnr[view], slopes)
+            });
+            let mean = rows.clone().fold((0.0, [0.0; N]), |(r, s), (residual, slopes)| {
+                (r + of_layout * residual, std::array::from_fn(|k| s[k] + of_layout * slopes[k]))
+            });
+            for (residual, slopes) in rows {
+                let residual = residual - mean.0;
+                let slopes: [f64; N] = std::array::from_fn(|k| slopes[k] - mean.1[k]);
+                all.cost += share * residual * residual;
+                for i in 0..N {
+                    all.gradient[i] += share * residual * slopes[i];
+                    (0..N).for_each(|j| all.matrix[i][j] += share * slopes[i] * slopes[j]);
+                }
             }
         }
     }

@@ -21,7 +21,7 @@ use crate::{Error, Result};
 /// Further photos of which the gain says whether those that there are are enough.
 pub const MORE: u32 = 10;
 /// Gain of that many, in decibels, below which photos are enough, and above which they are not: where the law expected about the first, trained
-/// splats gained 0.1 dB of two objects. Rooms had the law of objects then (docs/results/watch.md).
+/// splats gained 0.1 dB of two objects, by an earlier law that expected less (docs/results/watch.md).
 const LITTLE: f64 = 0.25;
 const MUCH: f64 = 1.0;
 /// Share of what viewers look at that no photo shows, above which photos are not enough whatever ten more gain.

@@ -83,7 +83,7 @@ impl Law {
     }
 
     /// Decibels by which error is larger where the nearest views are all 0.7 rad away than where they look as the viewer does: what colours
-    /// of error span on either side of the median, so that they show as much of rooms as of objects, whose law is flatter.
+    /// of error span on either side of the median, so that they show as much by a flat law as by a steep one.
     pub fn span_db(&self) -> f64 {
         10.0 * (self.of([0.7; 3], 0.0) / self.of([0.0; 3], 0.0)).log10()
     }
@@ -156,7 +156,7 @@ pub struct Fitted {
     /// by. Of three scenes or more each by the law of the others, and of what is held out; else of what it was fitted to.
     pub spread: [f64; 2],
     /// Standard deviations of `nearest`, `third`, `farther`, of the logarithm of `background` and of `most`, by leaving out one scene at a
-    /// time; none of fewer than three scenes.
+    /// time, with the law's form held; none of fewer than three scenes.
     pub deviation: Option<[f64; 5]>,
     /// Scenes it was fitted to.
     pub scenes: Vec<String>,

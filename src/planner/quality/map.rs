@@ -150,13 +150,16 @@ fn shaded(part: f64, facing: f32) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planner::quality::law::NO_END;
 
-    /// If this failed, pictures of a room would be red throughout, since error rises by more decibels there.
+    /// If this failed, pictures would be red throughout by a steep law, or hardly coloured by a flat one.
     #[test]
     fn colours_span_what_the_law_does() {
         let [object, room] = [true, false].map(Law::embedded);
-        assert!((object.span_db() - 6.0).abs() < 0.5 && room.span_db() > 10.0);
-        for law in [object, room] {
+        let flat = Law { angle: [1.0, 0.0, 0.0], most: NO_END as f32, ..Law::default() };
+        // 0.7 radians at a logarithm each, in decibels.
+        assert!((flat.span_db() - 3.04).abs() < 0.01 && room.span_db() > 3.0 * flat.span_db());
+        for law in [object, room, flat] {
             let span = law.span_db();
             assert_eq!(colour_of(span, &law), [178, 24, 43]);
             assert_eq!(colour_of(2.0 * span, &law), [178, 24, 43]);

@@ -1,5 +1,5 @@
-//! Single rooms with few things in them, with many, and with so many that one has to walk around them. What stands where is drawn at
-//! random, and is always the same.
+//! Single rooms with few things in them, with many, and with so many that one has to walk around them; a long one, a small one, and one
+//! between whose shelves one walks. What stands where is drawn at random, and is always the same.
 
 use glam::{DAffine3, DVec3};
 
@@ -26,43 +26,58 @@ const FLOOR: Finish = Finish::of(Texture::Planks).with(Gloss::Varnished);
 const CEILING: Finish = Finish::of(Texture::Plaster).tinted(250, 248, 244);
 const PAPERED: Finish = Finish::of(Texture::Wallpaper);
 
-/// How much stands in a room.
+/// Single rooms, by what stands in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clutter {
+pub enum SingleRoom {
     /// 5 m by 4, with a few things along the walls.
     Bare,
     /// 6 m by 5, with things along the walls and in the middle.
     Furnished,
     /// 7.5 m by 6, with things wherever there is a place, as in a junk shop.
     Crowded,
+    /// 10 m by 2.8, with things along the walls and a few between them.
+    Long,
+    /// 8 m by 6, with shelves and a few desks along the walls, shelves across the floor, and a table.
+    Library,
+    /// 3.4 m by 3, with the walls full.
+    Small,
 }
 
-impl Clutter {
+/// How much stands in a room.
+struct Measure {
     /// Its size along x and z, in metres.
-    fn size(self) -> [f64; 2] {
-        match self {
-            Self::Bare => [5.0, 4.0],
-            Self::Furnished => [6.0, 5.0],
-            Self::Crowded => [7.5, 6.0],
-        }
-    }
+    size: [f64; 2],
+    /// Share of the walls with something in front of it, and what may stand there.
+    covered: f64,
+    before_a_wall: &'static [Thing],
+    /// Things that stand free.
+    free: u32,
+    /// Space around each of these, in metres.
+    apart: f64,
+    /// Each so many of them is a shelf.
+    shelf_every: u32,
+    /// Colour of the walls.
+    plaster: [u8; 3],
+}
 
-    /// Colour of its walls.
-    fn plaster(self) -> Finish {
-        let [r, g, b] = match self {
-            Self::Bare => [226, 216, 200],
-            Self::Furnished => [206, 212, 212],
-            Self::Crowded => [214, 190, 164],
+impl SingleRoom {
+    fn measure(self) -> Measure {
+        let of = |size, covered, free, apart, shelf_every, plaster| Measure {
+            size,
+            covered,
+            before_a_wall: if self == Self::Library { &OF_A_LIBRARY } else { &BEFORE_A_WALL },
+            free,
+            apart,
+            shelf_every,
+            plaster,
         };
-        Finish::of(Texture::Plaster).tinted(r, g, b)
-    }
-
-    /// Share of the walls with something in front of it, things that stand free, and space around each, in metres.
-    fn measure(self) -> (f64, u32, f64) {
         match self {
-            Self::Bare => (0.3, 1, 0.7),
-            Self::Furnished => (0.65, 6, 0.45),
-            Self::Crowded => (0.95, 40, 0.2),
+            Self::Bare => of([5.0, 4.0], 0.3, 1, 0.7, 3, [226, 216, 200]),
+            Self::Furnished => of([6.0, 5.0], 0.65, 6, 0.45, 3, [206, 212, 212]),
+            Self::Crowded => of([7.5, 6.0], 0.95, 40, 0.2, 3, [214, 190, 164]),
+            Self::Long => of([10.0, 2.8], 0.5, 8, 0.5, 3, [200, 208, 190]),
+            Self::Library => of([8.0, 6.0], 0.9, 14, 0.75, 1, [222, 210, 186]),
+            Self::Small => of([3.4, 3.0], 0.8, 3, 0.25, 3, [210, 200, 214]),
         }
     }
 }
@@ -73,21 +88,20 @@ fn v(x: f64, y: f64, z: f64) -> DVec3 {
 }
 
 /// A room with a door and a window, lit by this and by lamps; +Y up, in metres, a corner of the floor at 0.
-pub fn furnished_room(clutter: Clutter) -> Model {
+pub fn furnished_room(room: SingleRoom) -> Model {
     let mut model = Model::default();
     let mut add = Furnisher::new(&mut model, DAffine3::IDENTITY);
-    let size = clutter.size();
-    shell(&mut add, size, clutter.plaster());
-    let (share, free, apart) = clutter.measure();
-    let mut places = Places { draws: clutter as u32 * 100_000, size, taken: Vec::new(), apart };
-    along_walls(&mut add, &mut places, share);
+    let Measure { size, covered, before_a_wall, free, apart, shelf_every, plaster: [r, g, b] } = room.measure();
+    shell(&mut add, size, Finish::of(Texture::Plaster).tinted(r, g, b));
+    let mut places = Places { draws: room as u32 * 100_000, size, taken: Vec::new(), apart };
+    along_walls(&mut add, &mut places, covered, before_a_wall);
     for number in 0..free {
-        standing_free(&mut add, &mut places, number);
+        standing_free(&mut add, &mut places, number, shelf_every);
     }
     for i in 0..3 {
         let at = v(size[0] * (f64::from(i) + 0.5) / 3.0, HEIGHT, 0.5 * size[1]);
         match i {
-            1 if clutter == Clutter::Crowded => add.at(at - v(0.0, APART, 0.0), 0.0, |add| pendant(add, 0.6)),
+            1 if room == SingleRoom::Crowded => add.at(at - v(0.0, APART, 0.0), 0.0, |add| pendant(add, 0.6)),
             1 => {}
             _ => add.at(at, 0.0, |add| ceiling_lamp(add, 0.42)),
         }
@@ -139,7 +153,7 @@ impl Places {
 }
 
 /// Things in front of the walls until so much of them is covered, and pictures above where there is a place.
-fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64) {
+fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64, things: &[Thing]) {
     let [wide, deep] = places.size;
     // The door, and what stands below the window.
     places.taken.push(([0.7, deep - 0.4], [0.5, 0.4]));
@@ -160,7 +174,7 @@ fn along_walls(add: &mut Furnisher, places: &mut Places, share: f64) {
                 break;
             }
             let [which, at, turn, _] = places.draw();
-            let thing = BEFORE_A_WALL[(which * BEFORE_A_WALL.len() as f64) as usize];
+            let thing = things[(which * things.len() as f64) as usize];
             let [half, depth] = thing.half;
             let middle = corner + (half + at * (length - 2.0 * half).max(0.0)) * along + (depth + 0.03) * inward;
             let extent = if along.x.abs() > 0.5 { [half, depth] } else { [depth, half] };
@@ -205,10 +219,11 @@ const BEFORE_A_WALL: [Thing; 6] = [
     thing([0.85, 1.02], false, |add, _, _| bed(add)),
     thing([0.8, 0.37], true, desk),
 ];
+const OF_A_LIBRARY: [Thing; 3] = [SHELF, SHELF, thing([0.8, 0.37], true, desk)];
 
 /// Things that can be walked around: a table, what hides what is behind it, and what stands between them.
 const TABLE: Thing = thing([1.0, 0.85], false, |add, number, _| laid_table(add, number));
-const PARTITION: Thing = thing([0.9, 0.2], false, bookshelf);
+const SHELF: Thing = thing([0.9, 0.2], false, bookshelf);
 const BETWEEN: [Thing; 6] = [
     thing([0.3, 0.3], true, |add, _, degrees| add.at(DVec3::ZERO, degrees, pouffe)),
     thing([0.45, 0.45], false, |add, _, degrees| add.at(DVec3::ZERO, degrees, plant)),
@@ -252,12 +267,12 @@ fn low_chest(add: &mut Furnisher, _: u32, degrees: f64) {
 }
 
 /// A thing that can be walked around, where there is a place for it.
-fn standing_free(add: &mut Furnisher, places: &mut Places, number: u32) {
+fn standing_free(add: &mut Furnisher, places: &mut Places, number: u32, shelf_every: u32) {
     let [which, turn, books, _] = places.draw();
-    // The first is a table with chairs; every third afterwards hides what is behind it.
+    // The first is a table with chairs; a shelf hides what is behind it.
     let thing = match number {
         0 => TABLE,
-        number if number.is_multiple_of(3) => PARTITION,
+        number if number.is_multiple_of(shelf_every) => SHELF,
         _ => BETWEEN[(which * BETWEEN.len() as f64) as usize],
     };
     let quarter = (turn * 4.0) as u32 % 2;
@@ -295,45 +310,65 @@ fn laid_table(add: &mut Furnisher, books: u32) {
 mod tests {
     use super::*;
 
-    const ALL: [Clutter; 3] = [Clutter::Bare, Clutter::Furnished, Clutter::Crowded];
+    const ALL: [SingleRoom; 6] = [
+        SingleRoom::Bare,
+        SingleRoom::Furnished,
+        SingleRoom::Crowded,
+        SingleRoom::Long,
+        SingleRoom::Library,
+        SingleRoom::Small,
+    ];
 
     /// If this failed, things would stick out of the walls, and the room be larger than where cameras can stand.
     #[test]
     fn everything_is_inside_the_walls() {
-        for clutter in ALL {
-            let [wide, deep] = clutter.size();
-            let model = furnished_room(clutter);
+        for room in ALL {
+            let [wide, deep] = room.measure().size;
+            let model = furnished_room(room);
             for vertex in &model.vertices {
                 let p = vertex.position;
                 let inside = p.cmpge(DVec3::splat(-1e-9)).all() && p.cmple(v(wide, HEIGHT, deep) + 1e-9).all();
-                assert!(inside, "{clutter:?}: {p} is outside");
+                assert!(inside, "{room:?}: {p} is outside");
             }
         }
     }
 
-    /// If this failed, scenes that are compared as bare, furnished and crowded would be alike, dark, or others each time.
+    /// If this failed, scenes that are compared as bare, furnished and crowded would be alike, one could see across the library, or they
+    /// would be dark, or others each time.
     #[test]
-    fn a_crowded_room_holds_more_than_a_furnished_one() {
-        let models = ALL.map(furnished_room);
+    fn rooms_hold_what_their_names_say() {
         // Parts of the level sections at the heights of a seat and of one's head that something stands in, in cells of a tenth of a metre.
-        let filled = |clutter: Clutter, model: &Model| {
-            let [wide, deep] = clutter.size();
+        let filled = |room: SingleRoom, heights: std::ops::Range<f64>| {
+            let [wide, deep] = room.measure().size;
             let mut cells = std::collections::BTreeSet::new();
-            for vertex in &model.vertices {
+            for vertex in &furnished_room(room).vertices {
                 let p = vertex.position;
                 let away = [p.x, wide - p.x, p.z, deep - p.z].into_iter().fold(f64::INFINITY, f64::min);
-                if away > 0.1 && (0.1..2.0).contains(&p.y) {
+                if away > 0.1 && heights.contains(&p.y) {
                     cells.insert(((10.0 * p.x) as i32, (10.0 * p.z) as i32));
                 }
             }
             cells.len() as f64 / (100.0 * wide * deep)
         };
-        let shares: Vec<f64> = ALL.into_iter().zip(&models).map(|(clutter, model)| filled(clutter, model)).collect();
+        let shares = ALL.map(|room| filled(room, 0.1..2.0));
         assert!(shares[0] < 0.15 && shares[1] > 1.5 * shares[0] && shares[2] > 1.3 * shares[1], "{shares:?}");
-        for (clutter, model) in ALL.into_iter().zip(models) {
+        // Away from the walls.
+        let between = |room: SingleRoom| {
+            let [wide, deep] = room.measure().size;
+            let away = |p: DVec3| [p.x, wide - p.x, p.z, deep - p.z].into_iter().all(|away| away > 1.1);
+            let cells = |p: DVec3| ((10.0 * p.x) as i32, (10.0 * p.z) as i32);
+            let model = furnished_room(room);
+            let tall =
+                model.vertices.iter().map(|vertex| vertex.position).filter(|p| away(*p) && (1.2..2.0).contains(&p.y));
+            tall.map(cells).collect::<std::collections::BTreeSet<_>>().len()
+        };
+        let tall = [SingleRoom::Furnished, SingleRoom::Library].map(between);
+        assert!(tall[1] > 2 * tall[0].max(50), "{tall:?}");
+        for room in ALL {
+            let model = furnished_room(room);
             let shining = model.faces.iter().filter(|face| model.materials[face.material as usize].shines()).count();
-            assert!((4..=400).contains(&shining) && model.faces.len() < 120_000, "{clutter:?}: {shining} faces shine");
-            assert_eq!(model, furnished_room(clutter));
+            assert!((4..=400).contains(&shining) && model.faces.len() < 120_000, "{room:?}: {shining} faces shine");
+            assert_eq!(model, furnished_room(room));
         }
     }
 }

@@ -24,7 +24,7 @@ mod walls;
 mod wood;
 
 pub use self::clutter::Surroundings;
-pub use self::furnished::{Clutter, furnished_room};
+pub use self::furnished::{SingleRoom, furnished_room};
 pub use self::rooms::two_rooms_model;
 
 #[cfg(test)]
