@@ -7,8 +7,9 @@ BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of 
 and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the benchmark's fit split,
 to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its
 coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is
-left, of all layouts, of those of one lens, and of both without random cameras or half of a sphere. Each scene counts the same. At the end,
-how many of the intervals that camsplat gives hold. Needs numpy and scipy.
+left, of all layouts, of those of one lens, of both without random cameras or half of a sphere, and around objects of those of as many views;
+of laws that are not fitted here what is expected of each layout and was trained. Each scene counts the same. At the end, how many of the
+intervals that camsplat gives hold. Needs numpy and scipy.
 """
 
 import argparse
@@ -47,7 +48,9 @@ class Scene:
         self.first, self.third, self.farther = near[..., 0], near[..., 1], near[..., 2]
         self.log_views = np.log(np.array([run["views"] for run in results]) / 50)[:, None]
         self.one_lens = np.array(["@" not in run["method"] for run in results])
-        self.bad = np.array([run["method"].split("=")[0] in ("random", "half") for run in results])
+        self.layouts = [(run["method"].split("=")[0], run["views"]) for run in results]
+        self.half = np.array([method == "half" for method, _ in self.layouts])
+        self.bad = self.half | np.array([method == "random" for method, _ in self.layouts])
 
         # The trainer leaves out photos of one colour, and `looks` test views that show little of an object.
         names = [Path(frame["file_path"]).name for frame in json.loads(tests.read_text())["frames"]]
@@ -82,13 +85,13 @@ class Scene:
         return (left - left.mean(axis=0)).ravel() / np.sqrt(left.size)
 
 
-def first_edition(room, p):
-    return 1.275 * room.first + 0.668 * room.third + 0.834 * room.farther
+def first_edition(scene, p):
+    return 1.275 * scene.first + 0.668 * scene.third + 0.834 * scene.farther
 
 
-def steeper(room, p):
+def steeper(scene, p):
     """An earlier fit, to eight layouts in each of three rooms."""
-    return ending(room, [6.15, 0, 0.68, 6.62])
+    return ending(scene, [6.15, 0, 0.68, 6.62])
 
 
 def file_of(scene):
@@ -112,18 +115,18 @@ def built_in(scene, p):
     return log_error + np.log(law["background"]) * scene.beside if scene.object else log_error
 
 
-def fitted(room, p):
-    return p[0] * room.first + p[1] * room.third + p[2] * room.farther
+def fitted(scene, p):
+    return p[0] * scene.first + p[1] * scene.third + p[2] * scene.farther
 
 
-def ending(room, p):
+def ending(scene, p):
     """Errors end at what is shown where nothing was seen, `p[3]` above those of a camera that stands where the viewer does."""
-    return -np.logaddexp(-fitted(room, p), -p[3])
+    return -np.logaddexp(-fitted(scene, p), -p[3])
 
 
-def far_beyond(room, p):
+def far_beyond(scene, p):
     """Footprints cost nothing up to 2.5 times the viewer's."""
-    return p[0] * room.first + p[1] * room.third + p[2] * np.maximum(room.farther - np.log(2.5), 0)
+    return p[0] * scene.first + p[1] * scene.third + p[2] * np.maximum(scene.farther - np.log(2.5), 0)
 
 
 def of_object(form):
@@ -189,10 +192,18 @@ def main():
         for scene in scenes:
             expected, trained = scene.expected(law(scene, p)).mean(axis=1), scene.psnr.mean(axis=1)
             parts = {"all": scene.one_lens | True, "good": ~scene.bad, "one lens": scene.one_lens, "one lens, good": scene.one_lens & ~scene.bad}
+            if scene.object:
+                views = np.array([views for _, views in scene.layouts])
+                parts |= {f"{n} views, not half": (views == n) & ~scene.half for n in np.unique(views)}
             for which, of in parts.items():
+                if of.sum() < 4:
+                    continue
                 x, y = expected[of], trained[of]
                 print(f"  {scene.name} ({'fit' if scene.fitted else 'not fitted'}, {which}): {np.corrcoef(x, y)[0, 1]:.3f}, "
                       f"{np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")
+            if not start:
+                each = zip(scene.layouts, expected, trained)
+                print("  " + "; ".join(f"{method} {views}: {x:.2f}, {y:.2f}" for (method, views), x, y in each))
     for scene in scenes:
         share, pairs = held(scene)
         print(f"90% intervals of {scene.name} hold {share:.2f} of {pairs} differences")
