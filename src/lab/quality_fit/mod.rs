@@ -419,6 +419,37 @@ mod tests {
         assert_eq!(spread(&[(&alike, START)]), [0.0, 0.0]);
     }
 
+    /// If this failed, the end would be none where the search runs away from it, and with it the other coefficients be of another law.
+    #[test]
+    fn the_end_is_found_from_a_second_start() {
+        let theta = [3.0, 0.6, 0.8, -2.8, 3.0];
+        let scenes = [scene("a", theta, 0.0, 40), scene("b", theta, 0.0, 50)];
+        let of_scenes: Vec<_> = scenes.iter().collect();
+        let (away, _) = solver::solve(&of_scenes, START, &[true; N]).unwrap();
+        assert!(away[MOST] > 20.0, "the first start finds it alone: {away:?}");
+        let most = fit(&scenes, &[]).unwrap().law.coefficients.most;
+        assert!(most.is_some_and(|most| (most - theta[MOST]).abs() < 1e-6), "{most:?}");
+    }
+
+    /// If this failed, deviations would be of laws of several forms, and those of what only one scene shows be as large as its coefficient.
+    #[test]
+    fn what_is_left_out_changes_no_form() {
+        // The third view counts in one scene only.
+        let of = |name: &str, third: f64, seed| scene(name, [1.3, third, 0.8, -2.8, 2.0], 0.05, seed);
+        let scenes = [of("a", 0.0, 40), of("b", 0.0, 41), of("c", 1.2, 42)];
+        let (_, free) = least_squares(&scenes.iter().collect::<Vec<_>>(), true).unwrap();
+        let others = |left: usize| -> Vec<&Observations> {
+            scenes.iter().enumerate().filter(|(i, _)| *i != left).map(|(_, scene)| scene).collect()
+        };
+        let of_others = least_squares(&others(2), true).unwrap().1;
+        assert!(free[THIRD] && !of_others[THIRD], "the form is the same with and without the scene: {free:?}");
+        let each = [0, 1, 2].map(|left| solved(&others(left), &free).unwrap().0[THIRD]);
+        let mean = each.iter().sum::<f64>() / 3.0;
+        let expected = (2.0 / 3.0 * each.iter().map(|one| (one - mean).powi(2)).sum::<f64>()).sqrt();
+        let deviation = fit(&scenes, &[]).unwrap().law.deviation.unwrap()[THIRD];
+        assert!((deviation / expected - 1.0).abs() < 1e-9, "{deviation} in place of {expected}");
+    }
+
     /// If this failed, a fit to next to nothing would be taken for a law.
     #[test]
     fn too_few_layouts_are_refused() {
