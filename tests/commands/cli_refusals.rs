@@ -277,6 +277,12 @@ fn places_that_cannot_be_written() {
     // With --force the user's own files stay.
     place.done(&format!("plan ball.ply --out full {SHORT} --force"));
     assert_eq!(place.read("full/mine.txt"), "mine");
+    // A link that leads nowhere is found before the work, not after.
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("nowhere", place.path("link")).unwrap();
+        assert_refused(&place, &[(&format!("plan ball.ply --out link {SHORT}"), &["link: ", "leads nowhere"])]);
+    }
     // A folder that no user may write to, root included.
     if cfg!(target_os = "linux") {
         assert_refused(

@@ -316,6 +316,21 @@ fn a_plan_gives_its_tour_and_no_kept_cameras() {
     assert_refused(&place, &[(low, &["--lowest", "above the take-off"])]);
 }
 
+/// If this failed, a drone would fly past a photo, or a plan count on others than it keeps, and nobody would know.
+#[test]
+fn cameras_that_are_left_out_are_counted() {
+    let place = Place::new();
+    place.done(&format!("plan ball.ply {SHORT} --out first"));
+    let mut broken = json(&place, "first/transforms.json");
+    broken["frames"][2]["transform_matrix"][0][3] = Value::Null;
+    place.write("broken.json", broken.to_string());
+    let plan = |option: &str| format!("plan ball.ply --{option} broken.json {SHORT} --out {option}");
+    for command in ["export broken.json --out views".into(), plan("keep"), plan("viewers")] {
+        let told = place.done(&command).out;
+        assert_eq!(told.matches("frames left out: 1").count(), 1, "{command}: {told}");
+    }
+}
+
 /// If this failed, photos with GPS could not say where a reconstruction of any scale and turn lies, or would say it south of the equator or
 /// below the sea wrongly.
 #[test]

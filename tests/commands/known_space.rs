@@ -10,6 +10,7 @@ use camsplat::files::io::folder::OutputFolder;
 use camsplat::planner::plan::record::PlanRecord;
 use camsplat::scene::camera::{Camera, Intrinsics, Pose};
 use camsplat::scene::random;
+use camsplat::scene::region::Shape;
 use camsplat::scene::surface::Points;
 use glam::DVec3;
 
@@ -195,6 +196,16 @@ fn what_a_space_hides_is_said() {
             ran.out
         );
     }
+}
+
+/// If this failed, a mesh on a table would be planned for as if it were the room around it.
+#[test]
+fn an_object_in_a_given_space_stays_one() {
+    let place = Place::new();
+    place.write("around.json", r#"{"boxes": [[-5, -5, -5, 5, 5, 5]]}"#);
+    let told = place.done(&format!("plan ball.ply --up z --space around.json {SHORT} --out o")).out;
+    let plan = place.plan("o");
+    assert!(matches!(plan.region.shape, Shape::Shell { .. }) && !told.contains("as a room"), "{told}");
 }
 
 /// If this failed, plans would leave plain walls and ceilings out, which viewers see and no point shows (a corner lost 3 dB by that); or

@@ -154,7 +154,8 @@ fn what_no_camera_can_see_is_reported() {
     assert!(plan("above", "--heights 2.2,2.6").contains(warning));
 }
 
-/// If this failed, cameras of a room that are scored as if around an object would get a bad score without explanation.
+/// If this failed, cameras of a room that are scored as if around an object would get a bad score without explanation, and cameras in another
+/// frame be planned around.
 #[test]
 fn cameras_outside_of_the_region_are_reported() {
     let place = Place::new();
@@ -162,6 +163,10 @@ fn cameras_outside_of_the_region_are_reported() {
     let score = |shell: &str| place.done(&format!("score ball.ply o/transforms.json --up z --shell {shell}")).out;
     assert!(score("0,0,0,8,9").contains("warning  5 of 5 cameras are outside of the region"));
     assert!(!score("0,0,0,2,3").contains("outside of the region"));
+    let keep =
+        |shell: &str| place.done(&format!("plan ball.ply --keep o --up z --shell {shell} {SHORT} --out p --force")).out;
+    assert!(keep("0,0,0,8,9").contains("warning  5 of 5 kept cameras are outside of the region"));
+    assert!(!keep("0,0,0,2,3").contains("outside of the region"));
 }
 
 /// If this failed, the simple layouts of a room would be below its floor or outside of its limits, where a plan may not.
@@ -228,7 +233,7 @@ fn limits_that_make_no_sense_are_refused() {
     let cases = [
         ("--keep-out nowhere.obj", "nowhere.obj"),
         ("--keep-out flat.json", "box 0"),
-        ("--keep-out none.json", "none.json"),
+        ("--keep-out none.json", "list of boxes is empty"),
         ("--keep-out cloud.ply", "closed mesh"),
         ("--heights 2,1", "the lower one"),
         ("--heights 40,50", "--heights"),

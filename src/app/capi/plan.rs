@@ -247,7 +247,7 @@ unsafe fn made(device: &CamsplatDevice, request: &CamsplatRequest) -> Result<Cam
     // SAFETY: as the caller guarantees.
     let (surface, kept) = unsafe { (surface(request)?, slice(request.kept, request.kept_count, "kept")?) };
     if !(request.fov_degrees > 1.0 && request.fov_degrees < 170.0) {
-        let what = format!("`fov_degrees` is {}; give degrees between 1 and 170", request.fov_degrees);
+        let what = format!("`fov_degrees` is {}; give more than 1 and less than 170 degrees", request.fov_degrees);
         return Err(Error::request(what));
     }
     if request.reserved != 0 {

@@ -6,6 +6,7 @@ use clap::{Args, Parser};
 
 use super::evaluate;
 use super::session::Ended;
+use super::shell;
 use crate::app::report;
 use crate::files::io::folder::write_files;
 use crate::lab::benchmark::board::{self, Table};
@@ -124,13 +125,6 @@ impl Arguments {
     }
 }
 
-/// Words as a shell takes them.
-fn quoted(words: &[String]) -> String {
-    let plain = |word: &str| word.chars().all(|c| c.is_alphanumeric() || "-_=./:,+".contains(c));
-    let quoted = |word: &String| if plain(word) { word.clone() } else { format!("'{}'", word.replace('\'', "'\\''")) };
-    words.iter().map(quoted).collect::<Vec<_>>().join(" ")
-}
-
 /// Evaluates scene after scene, and writes the board.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     let all = scenes()?;
@@ -156,7 +150,12 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         evaluations.push((scene, words, parsed.arguments));
     }
     for (scene, words, evaluation) in &evaluations {
-        say!("scene    {} ({}): camsplat evaluate {}", scene.name, scene.split, quoted(words));
+        say!(
+            "scene    {} ({}): camsplat evaluate {}",
+            scene.name,
+            scene.split,
+            words.iter().map(|word| shell::quoted(word)).collect::<Vec<_>>().join(" ")
+        );
         if evaluate::run(evaluation)? == Ended::Stopped {
             return Ok(Ended::Stopped);
         }

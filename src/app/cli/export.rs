@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum as _};
 use glam::DVec3;
 
 use super::missions::{MissionOptions, Plan, Source};
+use super::options::read_cameras;
 use super::overwrite_guard::check_output_folder;
 use super::region::parse_up;
 use super::session::Ended;
@@ -85,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 /// The cameras, without those that a plan kept, and the plan beside them, where there is one.
 fn read(arguments: &Arguments) -> Result<(Vec<Camera>, Option<Plan>)> {
     let file = io::plan_file(&arguments.cameras);
-    let mut cameras = io::read_cameras(&file)?;
+    let mut cameras = read_cameras(&file)?;
     let plan = plan(&file)?;
     if let Some(kept) = plan.as_ref().map(|plan| plan.kept).filter(|kept| (1..cameras.len()).contains(kept)) {
         cameras.truncate(cameras.len() - kept);

@@ -8,6 +8,7 @@ use clap::Args;
 use super::overwrite_guard::check_output_folder;
 use super::progress::{self, withdraw_on_interrupt};
 use super::session::{Ended, go_on};
+use super::shell;
 use crate::files::io::folder::OutputFolder;
 use crate::photogrammetry::frames::choice::{self, Choice, DUPLICATE, Gap};
 use crate::photogrammetry::frames::{self, Analysis, Format, Progress, Source};
@@ -166,7 +167,7 @@ fn print_left_over(out: &Path, analysis: &Analysis, choice: &Choice) {
 
 /// Prints the commands that lead from frames to photos with poses, and to the best of them.
 fn print_next(out: &Path, chosen: usize) {
-    let quoted = |path: &Path| quoted(&path.to_string_lossy());
+    let quoted = |path: &Path| shell::quoted(&path.to_string_lossy());
     let [database, images, sparse] = ["database.db", "images", "sparse"].map(|name| quoted(&out.join(name)));
     let matcher = if chosen <= EXHAUSTIVE { "exhaustive_matcher" } else { "sequential_matcher" };
     let best = out.with_file_name(format!("{}-best", out.file_name().unwrap_or_default().to_string_lossy()));
@@ -177,27 +178,4 @@ fn print_next(out: &Path, chosen: usize) {
     say!("mkdir -p {sparse}");
     say!("colmap mapper --database_path {database} --image_path {images} --output_path {sparse}");
     say!("camsplat select {} --count {} --out {}", quoted(out), chosen.div_ceil(2), quoted(&best));
-}
-
-/// A word as shells take it.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+@%=:,".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// If this failed, the commands could not be pasted where a folder has a space or a quotation mark in its name.
-    #[test]
-    fn words_survive_a_shell() {
-        assert_eq!(quoted("walk/images"), "walk/images");
-        assert_eq!(quoted("my walk"), "'my walk'");
-        assert_eq!(quoted("Ann's $HOME"), "'Ann'\\''s $HOME'");
-    }
 }

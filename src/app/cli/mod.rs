@@ -45,6 +45,7 @@ mod score;
 mod select;
 mod server;
 mod session;
+mod shell;
 mod subject;
 mod train;
 mod vds;

@@ -139,7 +139,7 @@ impl CameraOptions {
     /// prints what is taken from photos.
     pub fn intrinsics(&self, photos: &[Camera]) -> Result<Intrinsics> {
         if let Some(fov) = self.fov.filter(|fov| !(*fov > 1.0 && *fov < 170.0)) {
-            return Err(Error::request(format!("--fov is {fov}; give degrees between 1 and 170")));
+            return Err(Error::request(format!("--fov is {fov}; give more than 1 and less than 170 degrees")));
         }
         let photo = middle_lens(photos);
         let intrinsics = match (self.fov, self.size, photo) {
@@ -159,6 +159,16 @@ impl CameraOptions {
         }
         Ok(intrinsics)
     }
+}
+
+/// Reads cameras, and prints what was understood of them or left out.
+///
+/// # Errors
+/// As [`io::read_cameras`].
+pub fn read_cameras(path: &Path) -> Result<Vec<Camera>> {
+    let (cameras, notes) = io::read_cameras_with_notes(path)?;
+    notes.iter().for_each(|note| say!("{note}"));
+    Ok(cameras)
 }
 
 /// Reads a surface, prints what was understood of it, and scores the points of trained splats.

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use clap::{ArgGroup, Args};
 
 use super::baselines::{self, BaselineOptions};
-use super::options::{CameraOptions, DeviceOptions, print_messages};
+use super::options::{CameraOptions, DeviceOptions, print_messages, read_cameras};
 use super::order::Order;
 use super::outcome::print_plan;
 use super::overwrite_guard::{check_output_file, check_output_folder};
 use super::photographed;
 use super::progress::{Progress, leave_on_interrupt, stop_on_interrupt};
 use super::region::RegionOptions;
+use super::score::mostly_outside;
 use super::session::{self, Ended, go_on};
 use super::vds;
 use super::viewers::ViewerOptions;
@@ -224,7 +225,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let mut opened = None;
     let reads_photos = baseline.is_none() && config.of_paper().is_some_and(|own| own.vds);
     let kept = match &arguments.keep {
-        Some(path) => io::read_cameras(path)?,
+        // What is left out of a capture is said where that is read.
+        Some(path) if *path == arguments.scene => io::read_cameras(path)?,
+        Some(path) => read_cameras(path)?,
         None => Vec::new(),
     };
     let (intrinsics, target, photos) = match captured(arguments, reads_photos, &mut opened)? {
@@ -239,6 +242,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
             (intrinsics, arguments.region.target(&arguments.scene, &intrinsics, None)?, None)
         }
     };
+    if let Some(count) = mostly_outside(&target, &kept).filter(|_| target.limits.is_empty()) {
+        let all = kept.len();
+        say!("warning  {count} of {all} kept cameras are outside of the region; are surface and cameras in one frame?");
+    }
     if baseline.is_some() {
         leave_on_interrupt()?;
     }

@@ -11,11 +11,12 @@ use super::outcome::table;
 use super::overwrite_guard::check_output_file;
 use super::region::{RegionOptions, Stored};
 use super::session::Ended;
+use super::shell;
 use super::viewers::ViewerOptions;
 use crate::files::io;
 use crate::files::io::folder::{check_file, write_files};
 use crate::planner::metrics::Metrics;
-use crate::planner::plan::config::Config;
+use crate::planner::plan::config::{Config, Preset};
 use crate::planner::plan::enough::{Advice, Enough, MORE};
 use crate::planner::plan::gate::Gate;
 use crate::planner::plan::pipeline::{self};
@@ -100,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         check_output_file(file, files.iter().filter(|file| file.exists()))?;
     }
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
-    note_outside(&target, &cameras)?;
+    note_outside(&target, &cameras, arguments.region.preset_of(&target))?;
     let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
     let context = arguments.device.open()?;
     let viewers = arguments.viewers.viewers()?;
@@ -126,7 +127,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         for part in &enough.weak {
             say!("weak     {}", part.line());
         }
-        let (surface, path) = (arguments.surface.display(), path.display());
+        let [surface, path] = [&arguments.surface, path].map(|path| shell::quoted(&path.to_string_lossy()));
         if let (Some(own), Some(db)) = (&own, enough.over_own_db) {
             say!("change   {} against the {} photos of {surface}", decibels(db, 1), own.len());
         }
@@ -151,14 +152,14 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 }
 
 /// Says how many cameras are outside of the limits or the region, which baselines respect.
-fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
+fn note_outside(target: &Target, cameras: &[Camera], preset: Preset) -> Result<()> {
     if target.limits.is_empty() {
-        let count = cameras.iter().filter(|camera| !target.region.contains(camera.pose.position)).count();
-        if 2 * count > cameras.len() {
+        if let Some(count) = mostly_outside(target, cameras) {
             let all = cameras.len();
+            let other =
+                if preset == Preset::Room { "--box" } else { "for a room give --preset room or --box, else --shell" };
             say!(
-                "warning  {count} of {all} cameras are outside of the region that the simple layouts stand in; for a room give \
-                 --preset room or --box, else --shell"
+                "warning  {count} of {all} cameras are outside of the region that the simple layouts stand in; {other}"
             );
         }
         return Ok(());
@@ -173,6 +174,12 @@ fn note_outside(target: &Target, cameras: &[Camera]) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// How many cameras are outside of the region, where these are most.
+pub(super) fn mostly_outside(target: &Target, cameras: &[Camera]) -> Option<usize> {
+    let count = cameras.iter().filter(|camera| !target.region.contains(camera.pose.position)).count();
+    (2 * count > cameras.len()).then_some(count)
 }
 
 /// What a plan.json was made for, which is what its cameras are fairly measured by, and how many of these were kept.

@@ -5,8 +5,8 @@ use std::path::Path;
 use clap::Args;
 use glam::DVec3;
 
+use super::options::read_cameras;
 use super::region::box_of;
-use crate::files::io;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::region::Shape;
 use crate::{Error, Result};
@@ -49,7 +49,7 @@ impl ViewerOptions {
         let named =
             forms.iter().find_map(|(kind, form)| Some((*kind, *form, text.strip_prefix(kind)?.strip_prefix(':')?)));
         let Some((kind, form, numbers)) = named else {
-            return Ok(Viewers::Cameras(io::read_cameras(Path::new(text))?));
+            return Ok(Viewers::Cameras(read_cameras(Path::new(text))?));
         };
         let read: Result<Vec<f64>, _> = numbers.split(',').map(|number| number.trim().parse()).collect();
         let wrong = || Error::request(format!("--viewers {text}: give {kind}:{form}"));

@@ -266,6 +266,10 @@ fn check_writable(folder: &Path) -> Result<()> {
 
 /// Refuses a path that is taken.
 fn check_free(path: &Path, force: bool) -> Result<()> {
+    if path.is_symlink() && !path.exists() {
+        let what = "a symbolic link that leads nowhere is already here; remove it, or name another folder";
+        return Err(Error::input(path, what));
+    }
     let mut entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),

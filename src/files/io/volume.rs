@@ -89,6 +89,9 @@ pub fn read_faces(path: &Path) -> Result<Volume> {
             other => other,
         })?;
         let mut triangles = Vec::new();
+        if boxes.is_empty() {
+            return Err(Error::input(path, "its list of boxes is empty; give a box, or leave the file out"));
+        }
         for (i, [x0, y0, z0, x1, y1, z1]) in boxes.into_iter().enumerate() {
             let (a, b) = (DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1));
             let (min, max) = (a.min(b), a.max(b));
