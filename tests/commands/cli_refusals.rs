@@ -118,7 +118,7 @@ fn numbers_that_are_none() {
         ("--size 800x", &["--size", "such as 1920x1080"]),
         ("--size 99999x1", &["--size", "such as 1920x1080"]),
         ("--size 1.5x2", &["--size", "such as 1920x1080"]),
-        ("--fov 0", &["--fov is 0", "between 1 and 170"]),
+        ("--fov 0", &["--fov is 0", "more than 1 and less than 170"]),
         ("--fov 180", &["--fov is 180"]),
         ("--fov -50", &["--fov is -50"]),
         ("--fov nan", &["--fov is NaN"]),
