@@ -313,8 +313,8 @@ impl RegionOptions {
         limits.space = self.space(surface, path, capture, up, stored.is_some(), limits.space.take())?;
         if preset == Preset::Object && choice.shape.is_none() {
             choice.shape = Shape::around_cameras(&photographed);
-            if let (None, None, Some(space), true) =
-                (choice.shape, self.preset, &limits.space, !photographed.is_empty())
+            if !photographed.is_empty()
+                && let (None, None, Some(space)) = (choice.shape, self.preset, &limits.space)
             {
                 say!(
                     "region   around the photos, which look at no one thing: planned as a room (--preset object plans around the surface)"
