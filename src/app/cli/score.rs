@@ -156,8 +156,11 @@ fn note_outside(target: &Target, cameras: &[Camera], preset: Preset) -> Result<(
     if target.limits.is_empty() {
         if let Some(count) = mostly_outside(target, cameras) {
             let all = cameras.len();
-            let other =
-                if preset == Preset::Room { "--box" } else { "for a room give --preset room or --box, else --shell" };
+            let other = if preset == Preset::Room {
+                "give its --box"
+            } else {
+                "for a room give --preset room or --box, else --shell"
+            };
             say!(
                 "warning  {count} of {all} cameras are outside of the region that the simple layouts stand in; {other}"
             );

@@ -267,19 +267,18 @@ fn check_writable(folder: &Path) -> Result<()> {
 /// Refuses a path that is taken.
 fn check_free(path: &Path, force: bool) -> Result<()> {
     if path.is_symlink() && !path.exists() {
-        let what = "a symbolic link that leads nowhere is already here; remove it, or name another folder";
-        return Err(Error::input(path, what));
+        return Err(Error::input(
+            path,
+            "a symbolic link that leads nowhere is here; remove it, or name another folder",
+        ));
     }
     let mut entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
+        // Where a file is among its parents, `check_parent` says so.
+        Err(e) if e.kind() == ErrorKind::NotADirectory && !path.exists() => return Ok(()),
         Err(e) if e.kind() == ErrorKind::NotADirectory => {
-            // Where a file is among its parents, `check_parent` says so.
-            return if path.exists() {
-                Err(Error::input(path, "a file is already here; name a folder"))
-            } else {
-                Ok(())
-            };
+            return Err(Error::input(path, "a file is already here; name a folder"));
         }
         Err(e) => return Err(Error::io(path, e)),
     };
