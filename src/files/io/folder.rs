@@ -267,10 +267,7 @@ fn check_writable(folder: &Path) -> Result<()> {
 /// Refuses a path that is taken.
 fn check_free(path: &Path, force: bool) -> Result<()> {
     if path.is_symlink() && !path.exists() {
-        return Err(Error::input(
-            path,
-            "a symbolic link that leads nowhere is here; remove it, or name another folder",
-        ));
+        return Err(Error::input(path, "a link that leads nowhere is here; remove it, or name another folder"));
     }
     let mut entries = match fs::read_dir(path) {
         Ok(entries) => entries,
