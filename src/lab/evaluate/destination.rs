@@ -55,10 +55,9 @@ pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject], h
                 names.contains(&run.scene.as_str()) && request.runs().any(same)
             };
             before.retain(|run| !made(run));
-            let Some(first) = before.first() else { return Ok(()) };
-            let others = if before.len() > 1 { format!(" and {} more", before.len() - 1) } else { String::new() };
+            let Some(lost) = listed(&before) else { return Ok(()) };
             let what = format!(
-                "these tables have runs that would be lost ({first}{others}); ask for them too, or give another `out`, or remove this file"
+                "these tables have runs that would be lost ({lost}); ask for them too, or give another `out`, or remove this file"
             );
             Err(Error::input(folder.join(RESULTS), what))
         }
@@ -66,6 +65,33 @@ pub fn check(folder: &Path, request: &EvaluationRequest, subjects: &[Subject], h
             Err(Error::input(path, "the folder is not empty and holds no evaluation; name another"))
         }
         checked => checked,
+    }
+}
+
+/// Checks that tables in `folder` lose no runs to those of `entries`: another evaluation may have written them since [`check`].
+///
+/// # Errors
+/// In a line that names the folder and the runs.
+pub(super) fn check_again<'e>(
+    folder: &Path,
+    request: &EvaluationRequest,
+    entries: impl Iterator<Item = &'e Entry> + Clone,
+) -> Result<()> {
+    let mut lost = earlier(folder, request);
+    lost.retain(|run| !entries.clone().any(|entry| run.is(entry)));
+    let Some(lost) = listed(&lost) else { return Ok(()) };
+    let what = format!(
+        "these tables have runs that would be lost ({lost}), and stay as they are; what is finished is kept: ask for these runs too"
+    );
+    Err(Error::input(folder.join(RESULTS), what))
+}
+
+/// The first of some runs, and how many more there are.
+fn listed(runs: &[Earlier]) -> Option<String> {
+    match runs {
+        [] => None,
+        [first] => Some(first.to_string()),
+        [first, others @ ..] => Some(format!("{first} and {} more", others.len())),
     }
 }
 
@@ -85,7 +111,7 @@ struct Before {
 
 /// A run that tables have.
 #[derive(Deserialize)]
-pub(super) struct Earlier {
+struct Earlier {
     scene: String,
     method: String,
     views: u32,
@@ -94,7 +120,7 @@ pub(super) struct Earlier {
 
 impl Earlier {
     /// Whether this is that run.
-    pub fn is(&self, entry: &Entry) -> bool {
+    fn is(&self, entry: &Entry) -> bool {
         (&*self.scene, &*self.method, self.views, self.seed)
             == (&*entry.scene, entry.method.name(), entry.views, entry.seed)
     }
@@ -108,7 +134,7 @@ impl fmt::Display for Earlier {
 }
 
 /// The runs of the tables in a folder. Tables that were made otherwise, or cannot be read, are those of another evaluation.
-pub(super) fn earlier(folder: &Path, request: &EvaluationRequest) -> Vec<Earlier> {
+fn earlier(folder: &Path, request: &EvaluationRequest) -> Vec<Earlier> {
     let before = fs::read(folder.join(RESULTS)).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
     let Some(mut before) = before else { return Vec::new() };
     // An object, as requests are.

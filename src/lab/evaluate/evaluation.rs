@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::artifact::{Artifact, ArtifactEvent, Observe};
 use super::competitor::Competitor;
-use super::destination::{self, ASKED, Earlier, PREPARED, RESULTS};
+use super::destination::{self, ASKED, PREPARED, RESULTS};
 use super::latex::latex;
 use super::perceptual;
 use super::pool::Pool;
@@ -96,7 +96,6 @@ pub fn run(
         made: AtomicBool::new(false),
         entries: Mutex::default(),
         ceilings: Mutex::default(),
-        earlier: if shard.is_whole() { destination::earlier(folder, request) } else { Vec::new() },
         studio: subjects
             .iter()
             .filter(|subject| subject.in_studio())
@@ -104,8 +103,7 @@ pub fn run(
             .collect(),
     };
     spread(contexts, &board, subjects)?;
-    let entries = lock(&board.entries);
-    board.write(&entries)
+    board.finish()
 }
 
 /// What all workers share: the observer, and what is complete.
@@ -131,8 +129,6 @@ struct SharedProgress<'b> {
     ceilings: Mutex<BTreeMap<String, f64>>,
     /// As [`Outcome::studio`].
     studio: Vec<String>,
-    /// Runs of the tables that are there.
-    earlier: Vec<Earlier>,
 }
 
 impl SharedProgress<'_> {
@@ -155,11 +151,26 @@ impl SharedProgress<'_> {
         // A stop requested here takes effect before the next run.
         let _ = self.report(EvaluationEvent::Complete(&entries[at].1, [entries.len(), self.runs.len()]));
         // Tables of more are not replaced by those of what is passed so far.
-        let is_larger = self.earlier.iter().all(|run| entries.iter().any(|(_, entry)| run.is(entry)));
-        if is_larger && self.made.swap(false, Ordering::Relaxed) {
+        if self.made.load(Ordering::Relaxed) && self.loses_nothing(&entries).is_ok() {
+            self.made.store(false, Ordering::Relaxed);
             self.write(&entries)?;
         }
         Ok(())
+    }
+
+    /// Writes the tables of all runs, unless another evaluation has written tables of others meanwhile.
+    fn finish(&self) -> Result<Outcome> {
+        let entries = lock(&self.entries);
+        self.loses_nothing(&entries)?;
+        self.write(&entries)
+    }
+
+    /// Whether all runs of the tables that are there are among these.
+    fn loses_nothing(&self, entries: &[([usize; 2], Entry)]) -> Result<()> {
+        match self.has_tables {
+            true => destination::check_again(self.folder, self.request, entries.iter().map(|(_, entry)| entry)),
+            false => Ok(()),
+        }
     }
 
     /// Writes the tables of what is complete.
@@ -405,22 +416,40 @@ mod tests {
     use crate::planner::methods::Method;
     use crate::splats::run::record::Quality;
 
-    fn entry(method: Competitor) -> Entry {
-        let quality = vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3];
-        let (folder, pictures, cameras) = (String::new(), Vec::new(), Vec::new());
-        let (scene, diverged) = ("s".into(), None);
+    fn entry(method: Method) -> Entry {
         Entry {
-            scene,
-            method,
+            scene: "s".into(),
+            method: Competitor::Method(method),
             views: 4,
             seed: 0,
             seconds: Some(0.1),
             outside: 0,
-            quality,
-            diverged,
+            quality: vec![Quality { psnr: 20.0, ssim: 0.5, ..Quality::default() }; 3],
+            diverged: None,
+            folder: String::new(),
+            pictures: Vec::new(),
+            cameras: Vec::new(),
+        }
+    }
+
+    fn request(methods: &[Method]) -> EvaluationRequest {
+        EvaluationRequest::quick(Kind::Object, methods.iter().copied().map(Competitor::Method).collect(), vec![4])
+    }
+
+    fn board<'b>(request: &'b EvaluationRequest, folder: &'b Path, observe: Observer<'b>) -> SharedProgress<'b> {
+        SharedProgress {
+            request,
             folder,
-            pictures,
-            cameras,
+            weights: None,
+            asked: "{}".into(),
+            has_tables: true,
+            runs: 0..request.methods.len(),
+            observe: Mutex::new(observe),
+            stopped: AtomicBool::new(false),
+            made: AtomicBool::new(false),
+            entries: Mutex::default(),
+            ceilings: Mutex::default(),
+            studio: Vec::new(),
         }
     }
 
@@ -431,36 +460,40 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let table = folder.path().join("table.md");
         fs::write(&table, "of an earlier run").unwrap();
-        let methods = vec![Competitor::Method(Method::Ours), Competitor::Method(Method::PaperNoVds)];
-        let request = EvaluationRequest::quick(Kind::Object, methods, vec![4]);
+        let request = request(&[Method::Ours, Method::PaperNoVds]);
         let mut observe = |event: EvaluationEvent<'_>| match event {
             EvaluationEvent::Complete(..) => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         };
-        let board = SharedProgress {
-            request: &request,
-            folder: folder.path(),
-            weights: None,
-            asked: "{}".into(),
-            has_tables: true,
-            runs: 0..2,
-            observe: Mutex::new(&mut observe),
-            stopped: AtomicBool::new(false),
-            made: AtomicBool::new(false),
-            entries: Mutex::default(),
-            ceilings: Mutex::default(),
-            studio: Vec::new(),
-            earlier: Vec::new(),
-        };
+        let board = board(&request, folder.path(), &mut observe);
         let product = |event| board.report(EvaluationEvent::Artifact(event));
         assert!(product(ArtifactEvent::Kept).is_continue());
-        board.add([0, 1], entry(Competitor::Method(Method::PaperNoVds))).unwrap();
+        board.add([0, 1], entry(Method::PaperNoVds)).unwrap();
         assert_eq!(fs::read_to_string(&table).unwrap(), "of an earlier run");
         assert!(product(ArtifactEvent::Working).is_break(), "the stop was forgotten");
         let _ = product(ArtifactEvent::Begins("k"));
-        board.add([0, 0], entry(Competitor::Method(Method::Ours))).unwrap();
+        board.add([0, 0], entry(Method::Ours)).unwrap();
         let written = fs::read_to_string(&table).unwrap();
         let at = |method: &str| written.find(&format!("| s | {method} |")).unwrap();
         assert!(at("ours") < at("paper-no-vds") && !written.contains("still to come"), "{written}");
+    }
+
+    /// If this failed, the later one of two evaluations in a folder at the same time would drop the rows of the other without a word.
+    #[test]
+    fn tables_written_meanwhile_lose_no_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |methods: &[Method], meanwhile: &dyn Fn()| {
+            let (request, mut observe) = (request(methods), |_: EvaluationEvent<'_>| ControlFlow::Continue(()));
+            let board = board(&request, folder.path(), &mut observe);
+            meanwhile();
+            board.made.store(true, Ordering::Relaxed);
+            methods.iter().enumerate().for_each(|(i, method)| board.add([0, i], entry(*method)).unwrap());
+            board.finish().map(|_| fs::read_to_string(folder.path().join("table.md")).unwrap())
+        };
+        let other = || _ = run(&[Method::Ours], &|| {}).unwrap();
+        let refused = run(&[Method::PaperNoVds], &other).unwrap_err().to_string();
+        assert!(refused.contains("(s, ours, 4 views, seed 0)"), "{refused}");
+        let written = run(&[Method::PaperNoVds, Method::Ours], &|| {}).unwrap();
+        assert!(written.contains("| s | ours |") && written.contains("| s | paper-no-vds |"), "{written}");
     }
 }
