@@ -18,6 +18,8 @@ const STANDS: f64 = 0.25;
 const FLAT: f64 = 0.01;
 /// Slope against the plane up to which land is land, about 17 degrees: walls of what stands on it are steeper.
 const SLOPE: f64 = 0.3;
+/// Of so many points of a surface less than one lies under its ground: a part of the surface below another.
+const UNDER: usize = 10;
 /// Rounds of fitting the ground to what does not rise above it.
 const ROUNDS: usize = 12;
 
@@ -136,11 +138,12 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
 ///
 /// The ground is a plane, level or sloping, by the lowest points of a map's cells, and hills on it that rise nowhere steeper than [`SLOPE`].
 /// What stands on it are connected cells that rise above by a quarter of the mean rise, in which each cell counts by its own: a mast alone is
-/// no more than it holds. Returns the height of the ground there along up, too.
+/// no more than it holds. Returns the height of the ground there along up, too. A surface that does not end in its ground has none, such as
+/// that of an object alone: all of it that is connected counts as standing.
 ///
 /// # Errors
 /// Where nothing stands on anything.
-pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
+pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, Option<f64>)> {
     let (across, along) = up.any_orthonormal_pair();
     let points: Vec<(DVec2, f64)> = proxy
         .sample(POINTS, 0, 0)
@@ -168,11 +171,25 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
     // A stray low point, or a pit, is no reason to take the land around it for what stands on it.
     let above = |i: usize| (cells[i][0] - plane.dot((middle(i) - low).extend(1.0))).max(0.0);
     let hills = gentle((0..cells.len()).map(above).collect(), dims.x as usize, SLOPE * cell);
-    let ground_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)];
+    let land_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)];
+    // What a surface with ground ends in all around is its ground, and little lies under it.
+    let is_edge = |i: usize| {
+        let (x, y) = (i as u32 % dims.x, i as u32 / dims.x);
+        let is_inside = 0 < x && x < dims.x - 1 && 0 < y && y < dims.y - 1;
+        !is_inside || around(i, dims.x as usize, dims.y as usize).any(|j| !cells[j][0].is_finite())
+    };
+    let edge: Vec<usize> = seen.iter().copied().filter(|i| is_edge(*i)).collect();
+    let level = edge.iter().filter(|i| cells[**i][1] - land_at(middle(**i)) <= FLAT * side).count();
+    let is_below = |p: DVec2, height: f64| height < land_at(p) - FLAT * side;
+    let under = points.iter().filter(|(p, height)| is_below(*p, *height) && !is_below(*p, cells[index(*p)][1])).count();
+    let has_ground = 2 * level > edge.len() && UNDER * under < points.len();
+    let lowest = points.iter().map(|(_, height)| *height).fold(f64::INFINITY, f64::min);
+    let ground_at = |p: DVec2| if has_ground { land_at(p) } else { lowest };
     let rise = |i: usize| cells[i][1] - ground_at(middle(i));
     let rises = || seen.iter().map(|i| rise(*i).max(0.0));
     let usual = rises().map(|rise| rise * rise).sum::<f64>() / rises().sum::<f64>().max(f64::MIN_POSITIVE);
-    let stands = |i: usize| cells[i][0].is_finite() && rise(i) > (STANDS * usual).max(FLAT * side);
+    let least = (STANDS * usual).max(FLAT * side);
+    let stands = |i: usize| cells[i][0].is_finite() && (!has_ground || rise(i) > least);
     let part = components(dims.x as usize, dims.y as usize, stands);
     let mut volumes = vec![0.0; cells.len()];
     for (i, part) in part.iter().enumerate() {
@@ -196,7 +213,8 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, f64)> {
     corners.for_each(|p| (min, max) = (min.min(p), max.max(p)));
     // Points are drawn: the surface ends a little beyond the outermost.
     let beyond = 0.5 * cell;
-    Ok((Volume { triangles: box_triangles(min - beyond, max + beyond), ..Volume::default() }, bottom))
+    let subject = Volume { triangles: box_triangles(min - beyond, max + beyond), ..Volume::default() };
+    Ok((subject, has_ground.then_some(bottom)))
 }
 
 /// Slopes and height of the plane under most of the places, by least squares without those that rise above it by more than `flat` and more
@@ -246,6 +264,13 @@ fn gentle(mut heights: Vec<f64>, width: usize, step: f64) -> Vec<f64> {
     heights
 }
 
+/// A cell and those next to it, over corners too.
+fn around(i: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
+    let (x, y) = (i % width, i / width);
+    (y.saturating_sub(1)..(y + 2).min(height))
+        .flat_map(move |y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x))
+}
+
 /// For each cell that stands, the first cell of those that it is connected with, over corners too.
 fn components(width: usize, height: usize, stands: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
     let mut part = vec![None; width * height];
@@ -256,10 +281,7 @@ fn components(width: usize, height: usize, stands: impl Fn(usize) -> bool) -> Ve
         let mut open = vec![first];
         part[first] = Some(first);
         while let Some(i) = open.pop() {
-            let (x, y) = (i % width, i / width);
-            for j in (y.saturating_sub(1)..(y + 2).min(height))
-                .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x))
-            {
+            for j in around(i, width, height) {
                 if part[j].is_none() && stands(j) {
                     part[j] = Some(first);
                     open.push(j);
@@ -323,6 +345,7 @@ mod tests {
         subject.triangles.iter().flatten().for_each(|p| (min, max) = (min.min(*p), max.max(*p)));
         let wanted = [DVec3::new(17.5, -4.5, land(18.0, 6.0)), DVec3::new(27.5, 5.5, land(23.0, 1.0) + 7.0)];
         assert!(min.distance(wanted[0]) < 2.5 && max.distance(wanted[1]) < 2.5, "{min} to {max}, not {wanted:?}");
+        let bottom = bottom.unwrap();
         assert!((bottom - land(18.0, 6.0)).abs() < 2.0, "{bottom}");
     }
 
@@ -373,6 +396,7 @@ mod tests {
             let mut proxy = garden(up, slope);
             let whole = proxy.sphere.1;
             let (subject, ground) = largest(&proxy, up).unwrap();
+            let ground = ground.unwrap();
             let (left, _) = focus(&mut proxy, &subject).unwrap();
             let (across, along) = up.any_orthonormal_pair();
             let middle = 16.0 * across + 1.0 * along + 4.0 * up;
@@ -397,5 +421,38 @@ mod tests {
         assert!(largest(&proxy, DVec3::Z).unwrap_err().to_string().contains("nothing stands"));
         let empty = Volume { triangles: box_triangles(nowhere, nowhere + 1.0), ..Volume::default() };
         assert!(focus(&mut proxy, &empty).unwrap_err().to_string().contains("`subject`"));
+    }
+
+    fn boxes(of: &[[[f64; 3]; 2]]) -> Proxy {
+        let mut mesh = Mesh::default();
+        for corners in of.iter().flat_map(|[min, max]| box_triangles(DVec3::from_array(*min), DVec3::from_array(*max)))
+        {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap()
+    }
+
+    /// If this failed, a chair alone would get a floor through its seat, and nothing below would be planned for.
+    #[test]
+    fn an_object_without_ground_is_all_of_the_subject_and_gets_no_floor() {
+        let leg = |x: f64, y: f64| [[x, y, 0.0], [x + 0.04, y + 0.04, 0.45]];
+        let mut chair = vec![[[0.0, 0.0, 0.45], [0.5, 0.5, 0.5]], [[0.1, 0.46, 0.5], [0.4, 0.5, 1.0]]];
+        chair.extend([leg(0.0, 0.0), leg(0.46, 0.0), leg(0.0, 0.46), leg(0.46, 0.46)]);
+        let bounds = |subject: &Volume| {
+            let corners = || subject.triangles.iter().flatten();
+            (corners().fold(DVec3::INFINITY, |a, b| a.min(*b)), corners().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b)))
+        };
+        let (subject, floor) = largest(&boxes(&chair), DVec3::Z).unwrap();
+        let (min, max) = bounds(&subject);
+        assert_eq!(floor, None);
+        assert!(min.max_element() < 0.0 && max.cmpgt(DVec3::new(0.5, 0.5, 0.99)).all(), "{min} to {max}");
+        // On the ground it has one.
+        chair.push([[-2.0, -2.0, -0.01], [2.0, 2.0, 0.0]]);
+        let (subject, floor) = largest(&boxes(&chair), DVec3::Z).unwrap();
+        let (min, max) = bounds(&subject);
+        assert!(floor.unwrap().abs() < 0.02, "{floor:?}");
+        assert!(min.truncate().min_element() > -0.1 && max.max_element() < 1.1, "{min} to {max}");
     }
 }

@@ -324,10 +324,10 @@ impl RegionOptions {
             }
         }
         if let Some(asked) = &self.subject {
-            let (volume, bottom) = subject_of(asked, surface, up)?;
-            if let (Preset::Object, FloorOption::Auto, None) = (preset, self.floor, choice.floor) {
-                say!("floor    at {bottom:.3} along {up:.3}: what the subject stands on (--floor none leaves it out)");
-                choice.floor = Some(bottom);
+            let (volume, base) = subject_of(asked, surface, up)?;
+            if let (Preset::Object, FloorOption::Auto, None, Some(at)) = (preset, self.floor, choice.floor, base) {
+                say!("floor    at {at:.3} along {up:.3}: what the subject stands on (--floor none leaves it out)");
+                choice.floor = Some(at);
             }
             subject = Some(volume);
         }

@@ -35,13 +35,19 @@ pub fn parse_subject(text: &str) -> Result<SubjectOption, String> {
     }
 }
 
-/// The volume of what is to be seen, and the height along up of what it stands on.
+/// The volume of what is to be seen, and the height along up of what it stands on, if that is known.
 ///
 /// # Errors
 /// Where a file holds neither a volume nor a part of the surface, or nothing stands on anything.
-pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, f64)> {
+pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, Option<f64>)> {
     let volume = match subject {
-        SubjectOption::Largest => return largest(&Proxy::new(surface, Orientation::Trusted)?, up),
+        SubjectOption::Largest => {
+            let (volume, ground) = largest(&Proxy::new(surface, Orientation::Trusted)?, up)?;
+            if ground.is_none() {
+                say!("subject  stands on no ground that the surface shows, which gives no floor (--floor does)");
+            }
+            return Ok((volume, ground));
+        }
         SubjectOption::Box(min, max) if min.cmplt(*max).all() => {
             Volume { triangles: box_triangles(*min, *max), ..Volume::default() }
         }
@@ -71,5 +77,5 @@ pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Resu
         }
     };
     let bottom = volume.triangles.iter().flatten().map(|p| p.dot(up)).fold(f64::INFINITY, f64::min);
-    Ok((volume, bottom))
+    Ok((volume, Some(bottom)))
 }
