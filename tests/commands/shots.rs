@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::support::command::{Place, SHORT};
+use crate::support::command::{Place, SHORT, ended};
 use crate::support::gps::jpeg_at;
 use camsplat::files::io;
 use camsplat::files::io::camera_files;
@@ -191,6 +191,16 @@ fn a_capture_is_told_whether_its_photos_are_enough() {
     };
     let (_, out) = gain("wall");
     assert!(out.contains("enough   ") && out.contains("next     camsplat plan wall --keep wall --views 10"), "{out}");
+    assert!(out.lines().any(|line| line.ends_with(" --out next")), "{out}");
+    // What was said of places holds for the next photos too.
+    place.write("my boxes.json", r#"{"boxes": [[3, 0, 0, 4, 1, 1], [5, 0, 0, 6, 1, 1]]}"#);
+    let mut command = place.command("score wall --held-out 300 --preset room --box=-9,-9,-9,9,9,9 --up z --keep-out");
+    let out = ended(command.args(["my boxes.json", "--keep-out", "my boxes.json"]).output().unwrap()).out;
+    let next = out.lines().find_map(|line| line.strip_prefix("next     ")).expect(&out);
+    let both = "--keep-out 'my boxes.json' --keep-out 'my boxes.json'";
+    for option in ["--preset room", "--box -9,-9,-9,9,9,9", "--up z", both] {
+        assert!(next.contains(option) && !next.contains("held-out"), "{option}: {next}");
+    }
     // By the same viewers.
     let (all, _) = gain("wall wall --viewers wall");
     place.done("select wall --count 4 --points 300 --out few");

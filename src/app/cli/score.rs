@@ -10,7 +10,7 @@ use super::options::{DeviceOptions, print_messages};
 use super::outcome::table;
 use super::overwrite_guard::check_output_file;
 use super::region::{RegionOptions, Stored};
-use super::session::Ended;
+use super::session::{self, Ended};
 use super::shell;
 use super::viewers::ViewerOptions;
 use crate::files::io;
@@ -131,7 +131,12 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         if let (Some(own), Some(db)) = (&own, enough.over_own_db) {
             say!("change   {} against the {} photos of {surface}", decibels(db, 1), own.len());
         }
-        say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next");
+        // What both commands have says where cameras and viewers are, and on which device.
+        let shared = ViewerOptions::augment_args(DeviceOptions::augment_args(RegionOptions::augment_args(
+            clap::Command::default(),
+        )));
+        let given = session::current().given(&shared);
+        say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next{given}");
     }
     say!("expected {}", expected.line());
     if expected.unseen >= 1.0 {

@@ -6,8 +6,10 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use clap::Arg;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgMatches, Id};
 
+use super::shell;
 use crate::engine::parallel::lock;
 
 /// A program that runs a command inside itself, see [`super::run`]. It is called from the threads that the command runs on.
@@ -51,6 +53,8 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 pub struct Session {
     /// Names of the command's arguments as the library has them, each with its option.
     options: Vec<(String, String)>,
+    /// The options that were given, each with its name and its words for a shell.
+    given: Vec<(Id, String)>,
     /// Whether something could not be printed though there is still a reader.
     unsaid: AtomicBool,
     /// Whether standard output is for an answer that a program reads.
@@ -69,8 +73,15 @@ pub fn current() -> Arc<Session> {
 
 impl Session {
     /// A session with the options of the command that the arguments name.
-    pub fn new(listener: Option<Arc<dyn Listener>>, command: &clap::Command, matches: &clap::ArgMatches) -> Self {
-        Self { options: options_of(command, matches), listener, ..Self::default() }
+    pub fn new(listener: Option<Arc<dyn Listener>>, command: &clap::Command, matches: &ArgMatches) -> Self {
+        let (command, matches) = named(command, matches);
+        Self { options: options_of(command), given: given(command, matches), listener, ..Self::default() }
+    }
+
+    /// What was given of the options in `group`, each after a space, for a command that has them too.
+    pub fn given(&self, group: &clap::Command) -> String {
+        let is_of_group = |id: &Id| group.get_arguments().any(|arg| arg.get_id() == id);
+        self.given.iter().filter(|(id, _)| is_of_group(id)).map(|(_, words)| format!(" {words}")).collect()
     }
 
     /// Calls `work`, on any thread, in this session.
@@ -195,13 +206,34 @@ pub fn overheard<T>(lines: &mut Vec<String>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// The options of the command that the arguments name, see [`Session::with_options`].
-fn options_of(command: &clap::Command, matches: &clap::ArgMatches) -> Vec<(String, String)> {
-    if let Some((name, matches)) = matches.subcommand() {
-        return command.find_subcommand(name).map_or_else(Vec::new, |subcommand| options_of(subcommand, matches));
-    }
+/// The command that the arguments name, with its own.
+fn named<'a>(command: &'a clap::Command, matches: &'a ArgMatches) -> (&'a clap::Command, &'a ArgMatches) {
+    let inner = matches.subcommand().and_then(|(name, matches)| Some((command.find_subcommand(name)?, matches)));
+    inner.map_or((command, matches), |(command, matches)| named(command, matches))
+}
+
+/// The options of a command, see [`Session::with_options`].
+fn options_of(command: &clap::Command) -> Vec<(String, String)> {
     // A field that would be a keyword ends in an underscore.
     let setting = |arg: &Arg| format!("`{}`", arg.get_id().as_str().trim_end_matches('_'));
     let named = |arg: &Arg| arg.get_long().map(|long| (setting(arg), format!("--{long}")));
     command.get_arguments().filter_map(named).collect()
+}
+
+/// The options that were given, each time that one was.
+fn given(command: &clap::Command, matches: &ArgMatches) -> Vec<(Id, String)> {
+    let mut given = Vec::new();
+    let is_given = |arg: &&Arg| matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
+    for arg in command.get_arguments().filter(is_given) {
+        let Some(long) = arg.get_long() else { continue };
+        for values in matches.get_raw_occurrences(arg.get_id().as_str()).into_iter().flatten() {
+            let values: Vec<_> = values.map(|value| value.to_string_lossy()).collect();
+            let words = match arg.get_action().takes_values() {
+                true => format!("--{long} {}", shell::quoted(&values.join(","))),
+                false => format!("--{long}"),
+            };
+            given.push((arg.get_id().clone(), words));
+        }
+    }
+    given
 }
