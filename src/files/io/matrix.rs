@@ -21,6 +21,9 @@ pub(crate) enum Axes {
 /// # Errors
 /// What is wrong with it, as a continuation of its name.
 pub(crate) fn pose(rows: &[[f64; 4]], axes: Axes) -> Result<Pose, String> {
+    if rows.iter().flatten().any(|value| !value.is_finite()) {
+        return Err("has a value that is no finite number".into());
+    }
     let last_is_sound = rows.len() == 3 || rows.len() == 4 && rows[3] == [0.0, 0.0, 0.0, 1.0];
     if !last_is_sound {
         return Err("must have the rows of a 4x4 pose, the last one 0 0 0 1".into());

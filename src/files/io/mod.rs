@@ -235,7 +235,12 @@ pub(crate) fn json<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T> 
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     serde_json::from_slice(bytes)
         .or_else(|e| serde_json::from_slice(&without_nan(bytes).ok_or(e)?))
-        .map_err(|e| Error::input(path, format!("{e}; mend or export the file again")))
+        .map_err(|e| Error::input(path, format!("{}; mend or export the file again", fault(&e))))
+}
+
+/// What is wrong with JSON that has been read as [`json`] does: a number that is null was none that JSON has.
+pub(crate) fn fault(error: &serde_json::Error) -> String {
+    error.to_string().replace("invalid type: null, expected f64", "a value that is no finite number")
 }
 
 /// The JSON with `null` in place of `NaN`, `Infinity` and `-Infinity` outside of strings; none where it has none.

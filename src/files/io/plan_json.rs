@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::checks;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::camera::Camera;
 
 /// How far rounding leaves the squared length of a rotation from 1.
@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-14;
 /// The part of a plan that is read here.
 #[derive(Deserialize)]
 struct Plan {
-    cameras: Vec<Camera>,
+    cameras: Vec<serde_json::Value>,
 }
 
 /// Reads the cameras from the bytes of a plan.json, planned ones first, then those kept from before.
@@ -22,7 +22,14 @@ struct Plan {
 /// # Errors
 /// When the file is no such JSON, or a camera fails the checks that all cameras pass.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Camera>> {
-    let Plan { mut cameras } = super::json(path, bytes)?;
+    let Plan { cameras } = super::json(path, bytes)?;
+    let camera = |(i, value): (usize, &serde_json::Value)| {
+        Camera::deserialize(value).map_err(|e| {
+            let name = value.get("name").and_then(|name| name.as_str()).unwrap_or_default();
+            Error::input(path, format!("camera {i} ({name:?}): {}; mend it, or remove it", super::fault(&e)))
+        })
+    };
+    let mut cameras = cameras.iter().enumerate().map(camera).collect::<Result<Vec<Camera>>>()?;
     checks::cameras(path, cameras.iter())?;
     // The checks allow for few digits; code that rotates vectors relies on its unit length. One that was written
     // in full stays as it is, so that a plan's cameras are the same when it is read.
@@ -76,5 +83,8 @@ mod tests {
                        "intrinsics": {"width": 1, "height": 1, "focal": [1, 1], "principal": [0, 0]}}]}"#;
         let message = parse(Path::new("plan.json"), text.as_bytes()).unwrap_err().to_string();
         assert!(message.contains("camera 0 (\"a\") has a rotation that is not of unit length"), "{message}");
+        let nowhere = text.replace("[0, 0, 0]", "[0, NaN, 0]");
+        let message = parse(Path::new("plan.json"), nowhere.as_bytes()).unwrap_err().to_string();
+        assert!(message.contains("camera 0 (\"a\"): a value that is no finite number"), "{message}");
     }
 }

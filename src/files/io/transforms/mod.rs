@@ -135,7 +135,8 @@ pub fn photos(path: &Path, bytes: &[u8], outside_paths: bool, notes: &mut Vec<St
     let mut left_out = LeftOut::default();
     for (i, value) in file.frames.iter().enumerate() {
         let name = value.get("file_path").and_then(|name| name.as_str()).unwrap_or_default();
-        let frame = Frame::deserialize(value).map_err(|e| e.to_string());
+        let frame =
+            Frame::deserialize(value).map_err(|e| format!("{}; mend it, or remove the frame", super::fault(&e)));
         match frame.and_then(|frame| reading.photo(&frame)) {
             Ok(photo) => photos.push(photo),
             Err(what) => left_out.add(format!("frame {i} ({name:?}): {what}")),
@@ -434,7 +435,12 @@ mod tests {
         let lens = r#""fl_x": 10, "w": 10, "h": 10,"#;
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2],[0,0,-1,3],[0,0,0,1]]").contains("frame 0 (\"a.png\")"));
         assert!(with(lens, "[[1,0,0,1],[0,1,0,2]]").contains("4x4"));
-        assert!(with(lens, "[[1,0,0,NaN],[0,1,0,2],[0,0,1,3]]").contains("null"));
+        assert!(
+            with(lens, "[[1,0,0,NaN],[0,1,0,2],[0,0,1,3]]").contains("(\"a.png\"): a value that is no finite number")
+        );
+        assert!(
+            with(lens, "[[1,0,0,null],[0,1,0,2],[0,0,1,3]]").contains("(\"a.png\"): a value that is no finite number")
+        );
         assert!(with(r#""camera_angle_x": 52, "w": 10, "h": 10,"#, IDENTITY).contains("in radians"));
         assert!(with(r#""camera_model": "EQUIRECTANGULAR","#, IDENTITY).contains("no pinhole"));
         assert!(with("", IDENTITY).contains("no w and h"));
