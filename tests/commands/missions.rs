@@ -251,7 +251,10 @@ fn every_planted_fault_is_found() {
         &place,
         &[
             ("export plan --check flight/mission.csv", &["--check", "--geo"]),
-            (&format!("export plan {GEO} --check flight/none.csv"), &["none.csv"]),
+            (
+                &format!("export plan {GEO} --check flight/none.csv"),
+                &["none.csv", "no such file or folder", "check the path"],
+            ),
             (&format!("export plan {GEO} --check house.ply"), &["it is no mission"]),
             (&format!("export plan {GEO} --check flight/mission.csv --out o"), &["--out"]),
         ],

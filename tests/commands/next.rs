@@ -186,7 +186,7 @@ fn what_has_no_next_photos_is_refused() {
             ("next ball.ply", &["ball.ply: ", "name their cameras", "camsplat plan"]),
             ("next ball.ply nowhere", &["nowhere: ", "o such file"]),
             ("next wall wall --surface ball.ply", &["--surface", "cannot be used with"]),
-            ("next nowhere", &["nowhere: ", "No such file"]),
+            ("next nowhere", &["nowhere: ", "no such file or folder", "check the path"]),
             ("next wall --from nobody.png", &["wall: ", "no photo \"nobody.png\"", "--from"]),
             ("next wall --views 0", &["views", "0"]),
             ("next wall --views 100000000", &["--views is 100000000", "give at most"]),

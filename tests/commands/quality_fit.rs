@@ -156,7 +156,7 @@ fn what_cannot_be_fitted_is_refused_and_writes_nothing() {
         assert!(words.iter().all(|word| ran.err.contains(word)), "{arguments}: {}", ran.err);
         assert!(!place.path("law.json").exists(), "{arguments}");
     };
-    refused("a.gltf b.gltf --evaluations none", &["none/results.json"]);
+    refused("a.gltf b.gltf --evaluations none", &["none/results.json", "no such file or folder", "check the path"]);
     refused("other.gltf --evaluations o", &["other.gltf", "none of the evaluations"]);
     refused("a.gltf --evaluations o --held-out zebra", &["--held-out names zebra"]);
     refused("a.gltf --evaluations o --held-out a", &["train more layouts"]);

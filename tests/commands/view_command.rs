@@ -229,6 +229,17 @@ fn captures_splats_and_runs_have_pages_too() {
     }
 }
 
+/// If this failed, who asked how many views are worth taking would be refused the answer as no capture.
+#[test]
+fn a_curve_has_a_page() {
+    let place = Place::new();
+    place.done("plan ball.ply --curve --iterations 1 --held-out 60 --size 32x32 --out curve");
+    let served = Served::new(&place, "curve");
+    let (code, page) = served.get("/");
+    assert!(code == 200 && page.contains(place.read("curve/curve.svg").trim()), "{page}");
+    served.end();
+}
+
 /// If this failed, a mistake would open an empty page.
 #[test]
 fn what_cannot_be_shown_is_refused() {
@@ -240,7 +251,7 @@ fn what_cannot_be_shown_is_refused() {
     assert_refused(
         &place,
         &[
-            ("view nowhere --no-browser", &["nowhere"]),
+            ("view nowhere --no-browser", &["nowhere: ", "no such file or folder", "check the path"]),
             ("view empty --no-browser", &["empty"]),
             ("view ball.ply --no-browser", &["ball.ply"]),
             (&format!("view plan --no-browser --port {taken}"), &["--port", "in use"]),

@@ -243,7 +243,7 @@ fn what_cannot_be_watched_is_refused() {
     assert_refused(
         &place,
         &[
-            ("watch nowhere", &["nowhere: ", "No such file"]),
+            ("watch nowhere", &["nowhere: ", "no such file or folder", "check the path"]),
             ("watch ball.ply", &["ball.ply: ", "no folder"]),
             ("watch photos --python none-such", &["none-such cannot be run", "pip install pycolmap", "--python"]),
             ("watch photos --python true", &["true has no pycolmap", "pip install pycolmap"]),

@@ -198,7 +198,7 @@ impl MissionOptions {
             let Some(format) = format_of(&extension) else {
                 return Err(Error::input(file, "it is no mission; give a .kmz, .plan, .csv, .kml or .geojson"));
             };
-            let bytes = std::fs::read(file).map_err(|source| Error::io(file, source))?;
+            let bytes = std::fs::read(file).map_err(|source| io::unreadable(file, source))?;
             let (mission, found) = planned.best(format, &name, &bytes)?;
             let which =
                 if planned.flight.missions.len() > 1 { format!(", held against {mission}") } else { String::new() };

@@ -153,7 +153,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 /// The photos that there are, what the next ones are for, and the kind of scene that it is.
 fn taken(arguments: &Arguments) -> Result<(PhotoSet, Target, Preset)> {
     let (scene, region) = (&arguments.scene, arguments.region.clone());
-    std::fs::metadata(scene).map_err(|source| Error::io(scene, source))?;
+    io::check_there(scene)?;
     if let Some(path) = &arguments.cameras {
         let (cameras, notes) = io::read_cameras_with_notes(&io::plan_file(path))?;
         notes.iter().for_each(|note| say!("{note}"));

@@ -1,6 +1,7 @@
 //! `camsplat select`.
 
 use std::collections::HashMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -199,11 +200,20 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<SelectionRequest> {
 
 /// Indices, ascending, of the photos that a file names.
 fn listed(file: &Path, number: &HashMap<&str, usize>) -> Result<Vec<usize>> {
-    let text = std::fs::read_to_string(file).map_err(|source| Error::io(file, source))?;
+    let text = std::fs::read_to_string(file).map_err(|source| match source.kind() {
+        ErrorKind::NotFound | ErrorKind::InvalidData => {
+            let what =
+                "there is no such text file; --include and --exclude take one with the name of a photo on each line";
+            Error::input(file, what)
+        }
+        _ => io::unreadable(file, source),
+    })?;
     let names = || text.lines().map(str::trim).filter(|name| !name.is_empty());
     let unknown: Vec<&str> = names().filter(|name| !number.contains_key(name)).collect();
     if !unknown.is_empty() {
-        return Err(Error::input(file, format!("the capture has no photo called {}", unknown.join(", "))));
+        let names = number.keys().min().copied().unwrap_or_default();
+        let what = format!("the capture has no photo called {}; its names are such as {names}", unknown.join(", "));
+        return Err(Error::input(file, what));
     }
     let mut photos: Vec<usize> = names().filter_map(|name| number.get(name).copied()).collect();
     photos.sort_unstable();

@@ -33,7 +33,9 @@ pub struct Arguments {
     up: DVec3,
 }
 
-/// The page that every run leaves.
+/// What `plan --curve` leaves.
+const CURVE: &str = "curve.svg";
+/// The page that every other run leaves.
 const REPORT: &str = "report.html";
 /// Folders below the one that is named in which reports are looked for.
 const DEPTH: usize = 4;
@@ -67,7 +69,7 @@ fn site_of(page: Page) -> Site {
 
 /// What to show of a path: a folder whose files the page needs, and the page.
 fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Page)> {
-    let metadata = fs::metadata(path).map_err(|source| Error::io(path, source))?;
+    let metadata = fs::metadata(path).map_err(|source| io::unreadable(path, source))?;
     let title = title_of(path);
     if !metadata.is_dir() && SplatFormat::of(path).is_ok() {
         let (gaussians, notes) = io::read_gaussians_with_notes(path)?;
@@ -88,7 +90,8 @@ fn content(path: &Path, up: DVec3) -> Result<(Option<PathBuf>, Page)> {
     };
     let found = if metadata.is_dir() { Found::below(path)? } else { Found::default() };
     if found.runs.is_empty() {
-        return Err(not_capture);
+        let curve = fs::read_to_string(path.join(CURVE)).map_err(|_| not_capture)?;
+        return Ok((None, fixed(view::curve(&title, &curve)?)));
     }
     if io::photos::is_capture(path) {
         say!("note     the capture here cannot be shown: {not_capture}");

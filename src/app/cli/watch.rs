@@ -129,7 +129,7 @@ struct Looks {
 /// Watches until the user stops it.
 pub fn run(arguments: &Arguments) -> Result<Ended> {
     let folder = &arguments.folder;
-    let kind = std::fs::metadata(folder).map_err(|source| Error::io(folder, source))?;
+    let kind = std::fs::metadata(folder).map_err(|source| io::unreadable(folder, source))?;
     if !kind.is_dir() {
         return Err(Error::input(folder, "this is no folder; name the one that photos arrive in"));
     }

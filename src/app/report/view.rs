@@ -87,6 +87,15 @@ pub fn model(title: &str, gaussians: &Gaussians, up: DVec3) -> Result<String> {
     page(title, &line, &body, &Data { scene: None, model: Some(model.alone(up)) })
 }
 
+/// The page of the expected quality of ever more views, with the curve as it was drawn.
+///
+/// # Errors
+/// None that can be met: what is on the page is text.
+pub fn curve(title: &str, svg: &str) -> Result<String> {
+    let body = format!("<section>\n<h2>How many views are worth taking</h2>\n{svg}</section>\n");
+    page(title, "The expected quality of plans with ever more views", &body, &Data::default())
+}
+
 /// The page that lists the reports of runs.
 ///
 /// # Errors

@@ -211,10 +211,10 @@ pub(crate) fn check_there(path: &Path) -> Result<()> {
     std::fs::metadata(path).map(drop).map_err(|source| unreadable(path, source))
 }
 
-/// Why a file cannot be read, with what helps.
-fn unreadable(path: &Path, source: std::io::Error) -> Error {
+/// Why a file or folder cannot be read, with what helps.
+pub(crate) fn unreadable(path: &Path, source: std::io::Error) -> Error {
     match source.kind() {
-        ErrorKind::NotFound => Error::input(path, "there is no such file; check the path"),
+        ErrorKind::NotFound => Error::input(path, "there is no such file or folder; check the path"),
         ErrorKind::IsADirectory => Error::input(path, "this is a folder; give a file in it"),
         _ => Error::io(path, source),
     }

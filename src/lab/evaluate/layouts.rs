@@ -218,6 +218,6 @@ fn trained(root: &Path, key: &str) -> Result<(Vec<Camera>, Vec<Camera>, Vec<f64>
 }
 
 fn read<T: for<'de> Deserialize<'de>>(file: &Path) -> Result<T> {
-    let text = fs::read(file).map_err(|source| Error::io(file, source))?;
+    let text = fs::read(file).map_err(|source| io::unreadable(file, source))?;
     serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("no file of a complete evaluation: {e}")))
 }
