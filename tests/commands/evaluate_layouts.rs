@@ -64,8 +64,17 @@ fn cameras_of_a_file_are_a_method() {
     place.write("mine.txt", "no cameras");
     mine["cameras"].as_array_mut().unwrap().truncate(1);
     place.write("one.json", mine.to_string());
+    // Of three frames one has no pose.
+    let frame = |name: &str, pose: &str| format!(r#"{{"file_path": "{name}"{pose}}}"#);
+    let pose = r#", "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]"#;
+    let frames = [frame("a.png", pose), frame("b.png", ""), frame("c.png", pose)].join(", ");
+    let broken = format!(r#"{{"fl_x": 50, "w": 48, "h": 48, "frames": [{frames}]}}"#);
+    ["broken.json", "broken-4.json"].iter().for_each(|name| place.write(name, &broken));
+    let why = "(frames left out: 1; frame 1 (\"b.png\"): it has no transform_matrix";
     let given = tiny("cameras:mine.json", "p");
-    let cases: [(String, &[&str]); 7] = [
+    let cases: [(String, &[&str]); 9] = [
+        (given.replace("mine.json", "broken.json"), &["these are 2 cameras; give --budgets 2", why]),
+        (given.replace("mine.json", "broken-{views}.json"), &["these are 2 cameras, and its name says 4", why]),
         (given.replace("--budgets 4", "--budgets 5,6"), &["cameras:mine.json", "4 cameras", "give --budgets 4"]),
         (given.replace("mine.json", "one.json"), &["cameras:one.json", "1 cameras; give 2 to 1000"]),
         (given.replace("mine.json", "mine.json,cameras:./mine.json"), &["--methods", "twice"]),

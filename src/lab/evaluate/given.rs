@@ -34,6 +34,11 @@ pub(super) fn files_of(method: &str) -> Option<&str> {
     FILES.iter().find_map(|(files, _)| method.strip_prefix(files))
 }
 
+/// What readers of files say that they left out, to follow a number of cameras.
+pub(super) fn left_out(notes: &[String]) -> String {
+    notes.iter().filter(|note| note.contains(" left out: ")).map(|note| format!(" ({note})")).collect()
+}
+
 /// Independent of their names.
 impl PartialEq for Given {
     fn eq(&self, other: &Self) -> bool {
@@ -95,15 +100,16 @@ impl Given {
                     let (cameras, said) = io::read_cameras_with_notes(Path::new(&file))?;
                     let count = cameras.len();
                     if self.has("views") && count != *views as usize {
-                        let what = format!("these are {count} cameras, and its name says {views}");
+                        let what = format!("these are {count} cameras, and its name says {views}{}", left_out(&said));
                         return Err(Error::input(Path::new(&file), what));
                     }
                     if let Some((other, poses)) =
                         layouts.iter().find(|(_, poses): &(_, &Vec<_>)| !self.has("views") && poses.len() != count)
                     {
                         let what = format!(
-                            "these are {count} cameras, and {other} has {}; give one number, or {{views}} in the name",
-                            poses.len()
+                            "these are {count} cameras, and {other} has {}; give one number, or {{views}} in the name{}",
+                            poses.len(),
+                            left_out(&said)
                         );
                         return Err(Error::input(Path::new(&file), what));
                     }

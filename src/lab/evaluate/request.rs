@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::competitor::Competitor;
+use super::given::left_out;
 use super::kind::Kind;
 use super::settings::{BY_BOUNDS, BaselinesFrom, EvaluationSettings, InputsFrom, Shown, Space};
 use super::situation::Situation;
@@ -120,12 +121,11 @@ impl EvaluationRequest {
                 && !budgets.iter().any(|budget| method.takes(*budget))
             {
                 let what = match (2..=1000).contains(&count) {
-                    true => {
-                        format!("these are {count} cameras; give --budgets {count}, beside others if there are some")
-                    }
-                    false => format!("these are {count} cameras; give 2 to 1000"),
+                    true => format!("give --budgets {count}, beside others if there are some"),
+                    false => "give 2 to 1000".to_owned(),
                 };
-                return Err(Error::request(format!("method {method}: {what}")));
+                let left_out = left_out(&given.notes);
+                return Err(Error::request(format!("method {method}: these are {count} cameras; {what}{left_out}")));
             }
         }
         let two_passes = Competitor::Method(Method::OursTwoPasses);
