@@ -84,4 +84,17 @@ impl Surface {
             Self::Points(points) => &points.positions,
         }
     }
+
+    /// Digits after the point that say where something is in its frame.
+    pub fn digits(&self) -> usize {
+        let (low, high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let grown = |(low, high): (DVec3, DVec3), p: &DVec3| (low.min(*p), high.max(*p));
+        let (low, high) = self.positions().iter().fold((low, high), grown);
+        digits((high - low).max_element())
+    }
+}
+
+/// Digits after the point with which a length is said to a part in a hundred at least: three, and more of a tiny one.
+pub fn digits(length: f64) -> usize {
+    (2.0 - length.abs().log10().floor()).clamp(3.0, 9.0) as usize
 }

@@ -7,6 +7,7 @@ use camsplat::files::io;
 use camsplat::planner::metrics::Metrics;
 use camsplat::planner::plan::record::Status;
 use camsplat::scene::camera::Camera;
+use camsplat::scene::region::Shape;
 
 /// Asserts that two camera sets are the same up to what a round trip through another format costs.
 #[track_caller]
@@ -223,6 +224,37 @@ fn a_dry_run_prints_the_footprint_and_writes_nothing() {
     assert!(buffers.into_iter().map(mebibytes).sum::<f64>() <= mebibytes("all ") + 0.05);
     assert!(ran.out.lines().last().unwrap().starts_with("fits "), "{}", ran.out);
     assert_eq!(place.files(""), before);
+}
+
+/// If this failed, a scene of a millimetre in metres would have a region from 0.000 to 0.000.
+#[test]
+fn figures_of_a_tiny_scene_are_no_zeros() {
+    let place = Place::new();
+    let smaller = |line: &str| {
+        let numbers: Option<Vec<f64>> = line.split(' ').map(|word| word.parse().ok()).collect();
+        match numbers.as_deref() {
+            Some([x, y, z]) => format!("{} {} {}\n", 5e-4 * x, 5e-4 * y, 5e-4 * z),
+            _ => format!("{line}\n"),
+        }
+    };
+    place.write("tiny.ply", place.read("ball.ply").lines().map(smaller).collect::<String>());
+    let out = place.done(&format!("plan tiny.ply --floor -0.0004 --out o {SHORT}")).out;
+    let plan = place.plan("o");
+    let Shape::Shell { r_min, r_max, .. } = plan.region.shape else { panic!("{:?}", plan.region) };
+    let tour = plan.tour.unwrap().length;
+    let written = [
+        ("radii ", r_min),
+        (" to ", r_max),
+        ("floor at ", -4e-4),
+        ("clearance ", plan.region.clearance),
+        ("tour     ", tour),
+    ];
+    let region = &out[out.find("region  ").unwrap()..];
+    for (name, value) in written {
+        let said: f64 = region.split(name).nth(1).unwrap().split([' ', ',']).next().unwrap().parse().unwrap();
+        assert!((said / value - 1.0).abs() < 0.01, "{name} {said}, not {value}: {region}");
+    }
+    assert!(out.contains("to [0.00050, 0.00050, 0.00050]"), "{out}");
 }
 
 /// If this failed, the driver would be asked for something that Vulkan does not allow: it works here and fails elsewhere.

@@ -6,9 +6,8 @@ use clap::{Args, ValueEnum as _};
 use glam::DVec3;
 
 use super::missions::{MissionOptions, Plan, Source};
-use super::options::read_cameras;
+use super::options::{parse_up, read_cameras};
 use super::overwrite_guard::check_output_folder;
-use super::region::parse_up;
 use super::session::Ended;
 use crate::app::export::{self, Format, blender, gltf, ros, usd};
 use crate::files::io;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use glam::DVec3;
 
 use crate::engine::vulkan::{self, Context};
 use crate::files::io;
@@ -202,4 +203,19 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
         Some((w, h)) if (1..=65_535).contains(&w) && (1..=65_535).contains(&h) => Ok((w, h)),
         _ => Err("give width and height in pixels, such as 1920x1080".into()),
     }
+}
+
+/// Reads an axis that is up, such as -y.
+pub fn parse_up(text: &str) -> Result<DVec3, String> {
+    let (sign, axis) = match text.strip_prefix('-') {
+        Some(axis) => (-1.0, axis),
+        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
+    };
+    let axis = match axis {
+        "x" => DVec3::X,
+        "y" => DVec3::Y,
+        "z" => DVec3::Z,
+        _ => return Err("give one of x, y, z, -x, -y, -z".into()),
+    };
+    Ok(sign * axis)
 }

@@ -5,6 +5,7 @@ use crate::planner::plan::pipeline::Plan;
 use crate::planner::plan::record::SurfaceRecord;
 use crate::planner::plan::target::Target;
 use crate::scene::region::Shape;
+use crate::scene::surface::digits;
 
 /// Unconnected part of the free space from which on it is mentioned: insides of furniture are less.
 const NOTEWORTHY: f64 = 0.2;
@@ -92,7 +93,8 @@ pub fn table(rows: &[(&str, &Metrics)]) -> String {
 /// Prints a surface and its region.
 pub fn print_target(target: &Target) {
     let SurfaceRecord { path, kind, primitives, min, max, .. } = &target.record;
-    say!("surface  {path}: {primitives} {kind}, from {min:.3} to {max:.3}");
+    let digits = digits((max - min).max_element());
+    say!("surface  {path}: {primitives} {kind}, from {min:.digits$} to {max:.digits$}");
     if target.proxy.dropped + target.proxy.thinned > 0 {
         say!("         {} dropped, {} thinned out", target.proxy.dropped, target.proxy.thinned);
     }
@@ -107,7 +109,7 @@ pub fn print_target(target: &Target) {
     if target.record.subject.is_some() {
         let (centre, radius) = target.proxy.sphere;
         say!(
-            "subject  {} {kind} within {radius:.3} of {centre:.3}; the other {buried} block rays and are not planned for",
+            "subject  {} {kind} within {radius:.digits$} of {centre:.digits$}; the other {buried} block rays and are not planned for",
             primitives - buried
         );
     } else if buried > 0 {
@@ -115,11 +117,13 @@ pub fn print_target(target: &Target) {
     }
     let region = &target.region;
     let shape = match region.shape {
-        Shape::Shell { centre, r_min, r_max } => format!("shell around {centre:.3}, radii {r_min:.3} to {r_max:.3}"),
-        Shape::Box { min, max } => format!("box from {min:.3} to {max:.3}"),
+        Shape::Shell { centre, r_min, r_max } => {
+            format!("shell around {centre:.digits$}, radii {r_min:.digits$} to {r_max:.digits$}")
+        }
+        Shape::Box { min, max } => format!("box from {min:.digits$} to {max:.digits$}"),
     };
-    let floor = region.floor.map(|floor| format!(", floor at {floor:.3}")).unwrap_or_default();
-    say!("region   {shape}{floor}, clearance {:.4}, up {:.3}", region.clearance, region.up);
+    let floor = region.floor.map(|floor| format!(", floor at {floor:.digits$}")).unwrap_or_default();
+    say!("region   {shape}{floor}, clearance {:.*}, up {:.3}", digits + 1, region.clearance, region.up);
     for limit in target.limits.lines() {
         say!("         {limit}");
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use glam::DVec3;
 
-use super::options::{numbers, read_surface};
+use super::options::{numbers, parse_up, read_surface};
 use super::outcome::print_target;
 use super::place;
 use super::subject::{SubjectOption, parse_subject, subject_of};
@@ -143,11 +143,6 @@ pub struct Stored {
 }
 
 impl LimitOptions {
-    /// Whether something is said of walls.
-    pub fn walls_given(&self) -> bool {
-        !self.wall.is_empty()
-    }
-
     /// The limits; of each kind that is not given, those of an earlier plan or those that a capture shows. `area` is the volume of a file
     /// of areas on Earth.
     ///
@@ -180,7 +175,7 @@ impl LimitOptions {
         };
         let either = |given: bool| if given { &given_limits } else { &stored };
         let mut limits = Limits {
-            walls: either(self.walls_given()).walls.clone(),
+            walls: either(!self.wall.is_empty()).walls.clone(),
             keep_out: either(!given_limits.keep_out.is_empty()).keep_out.clone(),
             heights: given_limits.heights.or(stored.heights),
             walk: given_limits.walk.or(stored.walk),
@@ -326,13 +321,16 @@ impl RegionOptions {
         if let Some(asked) = &self.subject {
             let (volume, base) = subject_of(asked, surface, up)?;
             if let (Preset::Object, FloorOption::Auto, None, Some(at)) = (preset, self.floor, choice.floor, base) {
-                say!("floor    at {at:.3} along {up:.3}: what the subject stands on (--floor none leaves it out)");
+                let digits = surface.digits();
+                say!(
+                    "floor    at {at:.digits$} along {up:.3}: what the subject stands on (--floor none leaves it out)"
+                );
                 choice.floor = Some(at);
             }
             subject = Some(volume);
         }
         if stored.is_none() {
-            self.take_planes(&planes, up, preset, &mut choice, &mut limits);
+            self.take_planes(&planes, (up, surface.digits()), preset, &mut choice, &mut limits);
         }
         let name = path.to_string_lossy();
         // What photos prove free begins where they were taken.
@@ -384,13 +382,20 @@ impl RegionOptions {
     }
 
     /// Takes the floor and the walls of a capture where the user gives no others, and says so.
-    fn take_planes(&self, planes: &Planes, up: DVec3, preset: Preset, choice: &mut RegionChoice, limits: &mut Limits) {
+    fn take_planes(
+        &self,
+        planes: &Planes,
+        (up, digits): (DVec3, usize),
+        preset: Preset,
+        choice: &mut RegionChoice,
+        limits: &mut Limits,
+    ) {
         // A user's own up makes another floor, or none, of what is level with the photos'.
         let floor = planes.floor.filter(|floor| self.floor == FloorOption::Auto && floor.normal.dot(up) > 0.99);
         if let Some(floor) = floor {
             let height = floor.point.dot(up);
             say!(
-                "floor    at {height:.3} along {up:.3}: the points and all photos are above (--floor none leaves it out)"
+                "floor    at {height:.digits$} along {up:.3}: the points and all photos are above (--floor none leaves it out)"
             );
             match preset {
                 Preset::Object => choice.floor = Some(height),
@@ -398,10 +403,10 @@ impl RegionOptions {
                 Preset::Room => limits.walls.push(floor),
             }
         }
-        if !self.limits.walls_given() {
+        if self.limits.wall.is_empty() {
             for wall in &planes.walls {
                 say!(
-                    "wall     at {:.3}, facing {:.3}: the points and all photos are before it (--wall none leaves it out)",
+                    "wall     at {:.digits$}, facing {:.3}: the points and all photos are before it (--wall none leaves it out)",
                     wall.point,
                     wall.normal
                 );
@@ -483,18 +488,4 @@ fn usual_up(path: &Path, surface: &Surface) -> Result<DVec3> {
         },
         _ => Ok(DVec3::Z),
     }
-}
-
-pub fn parse_up(text: &str) -> Result<DVec3, String> {
-    let (sign, axis) = match text.strip_prefix('-') {
-        Some(axis) => (-1.0, axis),
-        None => (1.0, text.strip_prefix('+').unwrap_or(text)),
-    };
-    let axis = match axis {
-        "x" => DVec3::X,
-        "y" => DVec3::Y,
-        "z" => DVec3::Z,
-        _ => return Err("give one of x, y, z, -x, -y, -z".into()),
-    };
-    Ok(sign * axis)
 }

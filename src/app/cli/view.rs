@@ -7,8 +7,8 @@ use std::time::SystemTime;
 use clap::Args;
 use glam::DVec3;
 
+use super::options::parse_up;
 use super::progress::close_on_interrupt;
-use super::region::parse_up;
 use super::server::{Access, Served, Server, Site};
 use super::session::Ended;
 use crate::app::report::view::{self, Run};

@@ -16,6 +16,7 @@ use crate::engine::parallel::mapped;
 use crate::engine::vulkan::Context;
 use crate::scene::camera::{Camera, Intrinsics};
 use crate::scene::proxy::SurfacePoint;
+use crate::scene::surface::digits;
 use crate::{Error, Result};
 
 /// Further photos of which the gain says whether those that there are are enough.
@@ -166,7 +167,10 @@ impl Weak {
     pub fn line(&self) -> String {
         let place = match &self.photo {
             Some((photo, part)) => format!("what {photo} shows {part}"),
-            None => format!("around {:.3}, which is in no photo", self.place),
+            None => {
+                let digits = digits(self.place.abs().max_element());
+                format!("around {:.digits$}, which is in no photo", self.place)
+            }
         };
         format!(
             "{place}: {:.0}% of the surface, {:.1} dB more error than its middling part",

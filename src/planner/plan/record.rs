@@ -8,6 +8,7 @@ use crate::planner::quality::expected::decibels;
 use crate::scene::camera::Camera;
 use crate::scene::limits::Limits;
 use crate::scene::region::Region;
+use crate::scene::surface::digits;
 use crate::scene::volume::Volume;
 
 /// How a run ended.
@@ -152,7 +153,7 @@ pub struct TourRecord {
 impl TourRecord {
     /// In words, on one line.
     pub fn line(&self) -> String {
-        format!("{:.3} long from the first camera to the last", self.length)
+        format!("{:.*} long from the first camera to the last", digits(self.length), self.length)
     }
 }
 
