@@ -4,6 +4,7 @@ pub mod bvh;
 pub(crate) mod closing;
 pub mod device_scene;
 pub(crate) mod exposure;
+mod facing;
 pub(crate) mod lens_view;
 pub mod probe_depth;
 pub mod raycast;

@@ -253,7 +253,7 @@ impl Site<'_> {
         rule.check(photos.len())?;
         let sight = if rule.needs_sight() {
             let points = problem.target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
-            Survey::new(context, scene, photos, points)?.sight
+            Survey::new(context, scene, photos, scene.geometry.facing_viewers(points))?.sight
         } else {
             Sight::empty(0, photos.len())
         };

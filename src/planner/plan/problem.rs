@@ -57,7 +57,8 @@ impl<'p> Problem<'p> {
 
     /// The points that plans are scored at: `config.held_out` of them, by the seed.
     pub fn held_out(&self, config: &Config) -> Vec<SurfacePoint> {
-        self.target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM)
+        let points = self.target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
+        self.geometry.facing_viewers(points)
     }
 
     /// Planned cameras at poses in the user's world, named "0000", "0001", ..., then the kept ones. No planned name is a kept one with

@@ -140,7 +140,7 @@ impl<'a> SelectionContext<'a> {
         let scene = DeviceScene::new(context, target.geometry()?)?;
         // Both samples follow the same law and share no point: of a cloud, each comes from a half of its own.
         let count = (request.points as usize).min(half(&target.proxy)).max(1);
-        let sample = |stream| target.proxy.sample(count, request.seed, stream);
+        let sample = |stream| scene.geometry.facing_viewers(target.proxy.sample(count, request.seed, stream));
         let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM))?;
         if (0..survey.points.len()).all(|point| survey.sight.photos_that_see(point).count() < 2) {
             return Err(Error::input(

@@ -79,7 +79,7 @@ impl Links {
     pub fn of(own: &QualityConfig, proxy: &Proxy, geometry: &SceneGeometry, seed: u64) -> Option<Self> {
         let degrees = own.connect?;
         let shared = if own.direct { of_kept(f64::from(degrees)) } else { SHARED };
-        let points = proxy.sample_features(POINTS, seed, LINK_STREAM);
+        let points = geometry.facing_viewers(proxy.sample_features(POINTS, seed, LINK_STREAM));
         let points = points.iter().map(|point| Probe::new(point, geometry)).collect();
         Some(Self { angle: degrees.to_radians(), direct: own.direct, shared, points })
     }
