@@ -17,38 +17,47 @@ pub enum Orientation {
     Inward(DVec3),
 }
 
-/// Indices of the triangles whose winding contradicts the orientation.
+/// Which sides of the triangles of a mesh are visible ones.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Sides {
+    /// Indices of the triangles whose winding contradicts the orientation.
+    pub inside_out: Vec<usize>,
+    /// Whether the part of each triangle can be meant either way; empty where none can.
+    pub either: Vec<bool>,
+}
+
+/// The visible sides by parts: the triangles connected through vertices at equal positions.
 ///
-/// Parts are the triangles connected through vertices at equal positions. A part around the centre of a room shows it
-/// its inner side (it may have holes: windows, a missing ceiling); every other closed part shows its outer side. An
-/// open part can be meant either way and keeps its winding.
-pub(super) fn inside_out(triangles: &[[DVec3; 3]], orientation: Orientation) -> Vec<usize> {
+/// A part around the centre of a room shows it its inner side (it may have holes: windows, a missing ceiling); every other closed part shows
+/// its outer side. An open part can be meant either way and keeps its winding.
+pub(super) fn sides(triangles: &[[DVec3; 3]], orientation: Orientation) -> Sides {
     let room = match orientation {
-        Orientation::Trusted => return Vec::new(),
+        Orientation::Trusted => return Sides::default(),
         Orientation::Outward(_) => None,
         Orientation::Inward(centre) => Some(centre),
     };
-    parts(triangles)
-        .into_iter()
-        .filter(|part| {
-            let of_part = || part.iter().map(|i| &triangles[*i]);
-            let turns = room.map_or(0.0, |centre| of_part().map(|t| solid_angle(t, centre)).sum::<f64>() / SPHERE);
-            if turns.abs() > 0.5 {
-                return turns > 0.0;
-            }
-            let reference = triangles[part[0]][0];
-            let (mut area, mut flux, mut volume) = (0.0, DVec3::ZERO, 0.0);
-            for &[a, b, c] in of_part() {
-                let twice = (b - a).cross(c - a);
-                area += twice.length();
-                flux += twice;
-                volume += twice.dot(a - reference);
-            }
-            let closed = flux.length() < 1e-6 * area;
-            closed && volume < 0.0
-        })
-        .flatten()
-        .collect()
+    let mut sides = Sides::default();
+    for part in parts(triangles) {
+        let of_part = || part.iter().map(|i| &triangles[*i]);
+        let turns = room.map_or(0.0, |centre| of_part().map(|t| solid_angle(t, centre)).sum::<f64>() / SPHERE);
+        let reference = triangles[part[0]][0];
+        let (mut area, mut flux, mut volume) = (0.0, DVec3::ZERO, 0.0);
+        for &[a, b, c] in of_part() {
+            let twice = (b - a).cross(c - a);
+            area += twice.length();
+            flux += twice;
+            volume += twice.dot(a - reference);
+        }
+        let (is_around, is_closed) = (turns.abs() > 0.5, flux.length() < 1e-6 * area);
+        if (is_around && turns > 0.0) || (!is_around && is_closed && volume < 0.0) {
+            sides.inside_out.extend(&part);
+        }
+        if !is_around && !is_closed {
+            sides.either.resize(triangles.len(), false);
+            part.iter().for_each(|i| sides.either[*i] = true);
+        }
+    }
+    sides
 }
 
 /// Steradians of the whole sphere.
@@ -106,10 +115,10 @@ mod tests {
     #[test]
     fn an_inverted_object_is_turned_and_a_right_one_left() {
         let right = corners(&samples::sphere(1.0, 12));
-        assert!(inside_out(&right, Orientation::Outward(DVec3::ZERO)).is_empty());
+        assert!(sides(&right, Orientation::Outward(DVec3::ZERO)) == Sides::default());
         let wrong = turned(&right);
-        assert_eq!(inside_out(&wrong, Orientation::Outward(DVec3::ZERO)).len(), wrong.len());
-        assert!(inside_out(&wrong, Orientation::Trusted).is_empty());
+        assert_eq!(sides(&wrong, Orientation::Outward(DVec3::ZERO)).inside_out.len(), wrong.len());
+        assert!(sides(&wrong, Orientation::Trusted) == Sides::default());
     }
 
     /// Walls must face in and furniture out, whatever the file's winding, and even with a window missing.
@@ -121,9 +130,9 @@ mod tests {
         walls.truncate(walls.len() - 2);
         let n = furniture.len();
         let room = Orientation::Inward(DVec3::ZERO);
-        let wrong = inside_out(&[furniture.clone(), walls.clone()].concat(), room);
+        let wrong = sides(&[furniture.clone(), walls.clone()].concat(), room).inside_out;
         assert_eq!(wrong, (n..n + walls.len()).collect::<Vec<_>>());
-        let wrong = inside_out(&[turned(&furniture), turned(&walls)].concat(), room);
+        let wrong = sides(&[turned(&furniture), turned(&walls)].concat(), room).inside_out;
         assert_eq!(wrong, (0..n).collect::<Vec<_>>());
     }
 
@@ -131,7 +140,9 @@ mod tests {
     #[test]
     fn an_open_sheet_keeps_its_winding() {
         let sheet = corners(&samples::plane(1.0, 4));
-        assert!(inside_out(&sheet, Orientation::Outward(DVec3::Z)).is_empty());
-        assert!(inside_out(&turned(&sheet), Orientation::Outward(DVec3::Z)).is_empty());
+        for sheet in [turned(&sheet), sheet] {
+            let Sides { inside_out, either } = sides(&sheet, Orientation::Outward(DVec3::Z));
+            assert!(inside_out.is_empty() && either.len() == sheet.len() && either.iter().all(|either| *either));
+        }
     }
 }

@@ -84,6 +84,8 @@ pub struct SurfacePoint {
     pub colour: [u8; 3],
     /// View dependency score in [1, 2].
     pub score: f32,
+    /// Whether the surface leaves it open which side is the visible one, as an open part of a mesh does.
+    pub either_side: bool,
 }
 
 /// Lift off triangles as a fraction of the proxy's bounding radius.
@@ -113,6 +115,8 @@ pub struct Proxy {
     pub(super) colours: Vec<[u8; 3]>,
     /// View dependency score at the corners of each primitive (a disc has one, three times).
     pub(super) scores: Vec<[f32; 3]>,
+    /// Primitives whose visible side may be either; empty where none's is.
+    pub(super) either_side: Vec<bool>,
 }
 
 impl Proxy {
@@ -146,6 +150,7 @@ impl Proxy {
                     occluder: Occluder::Discs(cloud.discs),
                     buried: Vec::new(),
                     assumed: 0,
+                    either_side: Vec::new(),
                 })
             }
         }
@@ -179,7 +184,8 @@ impl Proxy {
             .iter()
             .map(|i| mesh.triangles[*i].map(|v| mesh.scores.get(v as usize).copied().unwrap_or(1.0)))
             .collect();
-        for i in orientation::inside_out(&triangles, orientation) {
+        let sides = orientation::sides(&triangles, orientation);
+        for i in sides.inside_out {
             triangles[i].swap(1, 2);
             scores[i].swap(1, 2);
         }
@@ -193,6 +199,7 @@ impl Proxy {
             occluder: Occluder::Triangles(triangles),
             buried: Vec::new(),
             assumed: 0,
+            either_side: sides.either,
         })
     }
 

@@ -62,6 +62,7 @@ impl Proxy {
                     lift: self.lift(i),
                     colour: self.colours[i],
                     score: (weights[0] * sa + weights[1] * sb + weights[2] * sc) as f32,
+                    either_side: self.either_side.get(i).is_some_and(|either| *either),
                 });
                 next += step;
             }
@@ -100,6 +101,7 @@ impl Proxy {
             lift: self.lift(i),
             colour: self.colours[i],
             score: self.scores[i][0],
+            either_side: false,
         };
         chosen.into_iter().map(point).collect()
     }

@@ -1,41 +1,37 @@
-//! Which side of a mesh its points are looked at from.
+//! Which side of a mesh its points are looked at from, where the mesh itself leaves that open.
 
-use super::bvh::Primitives;
+use glam::DVec3;
+
 use super::device_scene::SceneGeometry;
 use super::raycast::Ray;
 use crate::engine::parallel::mapped;
 use crate::scene::proxy::SurfacePoint;
 use crate::scene::random;
 
-/// Places of viewers that are tried for each point.
-const PLACES: u32 = 128;
-/// So many that see the point are enough.
+/// So many places that see a point are enough.
 const ENOUGH: u32 = 32;
-const PLACE_STREAM: u32 = 0x6661_6365;
 const SIDE_STREAM: u32 = 0x7369_6465;
 
 impl SceneGeometry {
-    /// `points` of the surface, in the user's world, with normals toward where viewers stand.
+    /// `points` of the surface, in the user's world, with normals toward `places`, in the planner's frame.
     ///
-    /// The winding of a mesh need not say that: open scans are inside out, faces are wound both ways, and of a sheet both sides are looked
-    /// at. A point faces the side that places in free space see, and where they see both either side, with probability by how many see
-    /// it. One that none sees keeps its normal, and so do points of a cloud.
-    pub fn facing_viewers(&self, mut points: Vec<SurfacePoint>) -> Vec<SurfacePoint> {
-        if matches!(self.bvh.primitives, Primitives::Discs(_)) {
-            return points;
-        }
-        let places: Vec<_> = (0..PLACES).map(|i| self.open().sample(0, PLACE_STREAM, i)).collect();
+    /// The winding of an open part of a mesh need not say which side that is: scans are inside out, faces are wound both ways, and of a
+    /// sheet both sides are looked at. A point of one faces the side that places see, and where they see both either side, with probability
+    /// by how many see it. One that none sees keeps its normal, and so do points of closed parts and of clouds.
+    pub fn facing(&self, mut points: Vec<SurfacePoint>, places: &[DVec3]) -> Vec<SurfacePoint> {
         let turned = mapped(&points, |index, point| {
             let [mut front, mut back] = [0, 0];
-            let normal = self.to_internal.direction(point.normal);
-            for place in &places {
-                let ahead = normal.dot(place - self.to_internal.point(point.position)) > 0.0;
-                let side = if ahead { point.lift } else { -point.lift };
-                let origin = self.to_internal.point(point.position + side * point.normal).as_vec3();
+            let [below, above] = [-point.lift, point.lift]
+                .map(|lift| self.to_internal.point(point.position + lift * point.normal).as_vec3());
+            let (at, normal) = (self.to_internal.point(point.position), self.to_internal.direction(point.normal));
+            let places: &[DVec3] = if point.either_side { places } else { &[] };
+            for place in places {
+                let is_ahead = normal.dot(place - at) > 0.0;
+                let origin = if is_ahead { above } else { below };
                 let toward = place.as_vec3() - origin;
                 let t_max = toward.length().max(f32::MIN_POSITIVE);
                 if !self.bvh.any_hit(&Ray { origin, direction: toward / t_max, t_min: 0.0, t_max }) {
-                    *(if ahead { &mut front } else { &mut back }) += 1;
+                    *(if is_ahead { &mut front } else { &mut back }) += 1;
                 }
                 if front + back == ENOUGH {
                     break;
@@ -55,8 +51,6 @@ impl SceneGeometry {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::scene::proxy::{Orientation, Proxy};
     use crate::scene::region::Region;
@@ -70,8 +64,10 @@ mod tests {
         change(&mut mesh);
         let proxy = Proxy::new(&Surface::Mesh(mesh), Orientation::Outward(DVec3::ZERO)).unwrap();
         let region = Region::around_object(proxy.sphere, 0.4, DVec3::Z, floor).unwrap();
+        let geometry = SceneGeometry::new(&proxy, &region).unwrap();
+        let places: Vec<DVec3> = (0..100).map(|i| geometry.free.sample(0, 0, i)).collect();
         let drawn = proxy.sample(1000, 3, 0);
-        [drawn.clone(), SceneGeometry::new(&proxy, &region).unwrap().facing_viewers(drawn)]
+        [drawn.clone(), geometry.facing(drawn, &places)]
     }
 
     fn turn(triangle: &mut [u32; 3]) {

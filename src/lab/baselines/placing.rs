@@ -253,7 +253,9 @@ impl Site<'_> {
         rule.check(photos.len())?;
         let sight = if rule.needs_sight() {
             let points = problem.target.proxy.sample(POINTS, request.seed, PROBE_STREAM);
-            Survey::new(context, scene, photos, scene.geometry.facing_viewers(points))?.sight
+            let inward = request.preset == Preset::Object;
+            let points = request.viewers.facing(points, &scene.geometry, problem.viewers_lens, inward)?;
+            Survey::new(context, scene, photos, points)?.sight
         } else {
             Sight::empty(0, photos.len())
         };

@@ -107,7 +107,7 @@ impl Advice {
         let own = own.map(|own| reference.expect_cameras(own)).transpose()?;
         let over_own_db = own.map(|own| own.error_db - before.error_db);
         let (after, poses) = expected_beside(context, &scene, &reference, preparation, go_on)?;
-        let held_out = problem.held_out(config);
+        let held_out = problem.held_out(config)?;
         let points: Vec<DVec3> = held_out.iter().map(|point| point.position).collect();
         let errors = reference.prediction(cameras, &points)?.map.points;
         let radius = RADIUS * target.proxy.sphere.1;

@@ -131,7 +131,7 @@ pub fn run(
         if problem.target.limits.space.is_some() {
             aim(&reference, problem, &mut outcome.poses)?;
         }
-        let points = problem.held_out(&config);
+        let points = problem.held_out(&config)?;
         prediction = Some(reference.prediction(&problem.cameras(&outcome.poses), &positions(&points))?);
         began_from = Some(reference.best().name.clone());
         let poses: Vec<Pose> = outcome.poses.iter().map(|pose| scene.geometry.to_internal.pose(pose)).collect();
@@ -257,7 +257,7 @@ pub fn conclude(
     placed: Placed<'_>,
 ) -> Result<Plan> {
     let Placed { method, configuration, outcome, prediction } = placed;
-    let points = problem.held_out(config);
+    let points = problem.held_out(config)?;
     let scorer = Scorer::new(context, scene, &points)?;
     let few = Scorer::new(context, scene, &points[..points.len().min(CHECKPOINT_POINTS)])?;
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
@@ -375,7 +375,7 @@ pub fn score(
     let config = &Config { views: (cameras.len() - kept.len()) as u32, ..config.clone() };
     let reference = Reference::new(context, &problem, &scene, config)?;
     let expected = reference.compare(&reference.expect_cameras(cameras)?);
-    let points = problem.held_out(config);
+    let points = problem.held_out(config)?;
     let field = if config.gate.pinhole() { Field::Frustum } else { Field::Cone };
     Ok((expected, aggregate(&Scorer::new(context, &scene, &points)?.score(cameras, field)?)))
 }

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::config::Config;
+use super::config::{Config, Preset};
 use super::target::Target;
 use crate::Result;
 use crate::engine::vulkan::Context;
@@ -56,9 +56,20 @@ impl<'p> Problem<'p> {
     }
 
     /// The points that plans are scored at: `config.held_out` of them, by the seed.
-    pub fn held_out(&self, config: &Config) -> Vec<SurfacePoint> {
-        let points = self.target.proxy.sample(config.held_out as usize, config.seed, HELD_OUT_STREAM);
-        self.geometry.facing_viewers(points)
+    ///
+    /// # Errors
+    /// Where no position fits the viewers.
+    pub fn held_out(&self, config: &Config) -> Result<Vec<SurfacePoint>> {
+        self.points(config.held_out as usize, config, HELD_OUT_STREAM)
+    }
+
+    /// `count` points of the surface by the seed, on the sides that viewers see.
+    ///
+    /// # Errors
+    /// Where no position fits the viewers.
+    pub(super) fn points(&self, count: usize, config: &Config, stream: u32) -> Result<Vec<SurfacePoint>> {
+        let points = self.target.proxy.sample(count, config.seed, stream);
+        config.viewers.facing(points, &self.geometry, self.viewers_lens, config.preset == Preset::Object)
     }
 
     /// Planned cameras at poses in the user's world, named "0000", "0001", ..., then the kept ones. No planned name is a kept one with

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::camera::{Camera, Intrinsics, Pose};
 use crate::scene::connected::Air;
+use crate::scene::proxy::SurfacePoint;
 use crate::scene::random;
 use crate::scene::region::Shape;
 use crate::scene::similarity::Similarity;
@@ -17,6 +18,8 @@ use crate::{Error, Result};
 /// First stream of the viewers' poses; each try has one of its own, and so has where it looks.
 const POSITIONS: u32 = 0x7669_6500;
 const DIRECTIONS: u32 = 0x7669_7500;
+/// Viewers that points of a surface face.
+const FACED: u32 = 128;
 /// Tries for each viewer.
 const TRIES: u32 = 2000;
 
@@ -117,6 +120,23 @@ impl Viewers {
                  larger part",
             )
         })
+    }
+
+    /// `points` of the surface, those of its open parts on the side that such viewers see; see [`SceneGeometry::facing`].
+    ///
+    /// # Errors
+    /// As [`Self::sample`].
+    pub fn facing(
+        &self,
+        points: Vec<SurfacePoint>,
+        geometry: &SceneGeometry,
+        intrinsics: Intrinsics,
+        inward: bool,
+    ) -> Result<Vec<SurfacePoint>> {
+        let viewers = self.sample(geometry, intrinsics, inward, 0, FACED)?;
+        let places: Vec<DVec3> =
+            viewers.iter().map(|viewer| geometry.to_internal.point(viewer.pose.position)).collect();
+        Ok(geometry.facing(points, &places))
     }
 }
 

@@ -140,15 +140,21 @@ impl<'a> SelectionContext<'a> {
         let scene = DeviceScene::new(context, target.geometry()?)?;
         // Both samples follow the same law and share no point: of a cloud, each comes from a half of its own.
         let count = (request.points as usize).min(half(&target.proxy)).max(1);
-        let sample = |stream| scene.geometry.facing_viewers(target.proxy.sample(count, request.seed, stream));
-        let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM))?;
+        let (cameras, inward) = (set.cameras(), request.preset == Preset::Object);
+        let lens = middle_lens(&cameras).ok_or_else(|| Error::request("there are no photos"))?;
+        let viewers = request.viewers.clone().unwrap_or(Viewers::Cameras(cameras));
+        let sample = |stream| {
+            let points = target.proxy.sample(count, request.seed, stream);
+            viewers.facing(points, &scene.geometry, lens, inward)
+        };
+        let survey = Survey::new(context, &scene, &set.photos, sample(PROBE_STREAM)?)?;
         if (0..survey.points.len()).all(|point| survey.sight.photos_that_see(point).count() < 2) {
             return Err(Error::input(
                 &set.path,
                 "no point of the surface is seen by two photos; do surface and photos share a frame?",
             ));
         }
-        let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM))?;
+        let held_out = Survey::new(context, &scene, &set.photos, sample(HELD_OUT_STREAM)?)?;
         let seconds = start.elapsed().as_secs_f64();
         Ok(Self { context: context.clone(), set, target, scene, request, survey, held_out, model: None, seconds })
     }

@@ -96,7 +96,15 @@ fn a_point_on_a_plane_gets_what_geometry_says() {
     let region = Region { shape, up: DVec3::Z, floor: None, clearance: 0.02 };
     let (_, scene) = scene(&context, &Surface::Mesh(mesh), &region);
     let normal = tilt * DVec3::Z;
-    let point = SurfacePoint { position: DVec3::ZERO, normal, radius: 0.1, lift: 1e-4, colour: [128; 3], score: 1.0 };
+    let point = SurfacePoint {
+        position: DVec3::ZERO,
+        normal,
+        radius: 0.1,
+        lift: 1e-4,
+        colour: [128; 3],
+        score: 1.0,
+        either_side: false,
+    };
     let scorer = Scorer::new(&context, &scene, &[point]).expect("a scorer");
     // A camera at `distance` from the point and `off` radians from the normal, that looks at it or elsewhere.
     let standing = |off: f64, distance: f64, target: DVec3| {

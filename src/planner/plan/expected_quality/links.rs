@@ -25,6 +25,8 @@ pub(super) const MAX_CAMERAS: u32 = 2000;
 pub(super) const EVERY: u32 = 10;
 /// Points of the surface that pairs are compared by.
 const POINTS: usize = 1024;
+/// Places in free space that these points face.
+const PLACES: u32 = 128;
 /// Stream of these points.
 const LINK_STREAM: u32 = 0x6c69_6e6b;
 /// Part that both of two cameras must see of what the one sees that sees less, and so many points at least.
@@ -79,7 +81,8 @@ impl Links {
     pub fn of(own: &QualityConfig, proxy: &Proxy, geometry: &SceneGeometry, seed: u64) -> Option<Self> {
         let degrees = own.connect?;
         let shared = if own.direct { of_kept(f64::from(degrees)) } else { SHARED };
-        let points = geometry.facing_viewers(proxy.sample_features(POINTS, seed, LINK_STREAM));
+        let places: Vec<DVec3> = (0..PLACES).map(|i| geometry.free.sample(seed, LINK_STREAM, i)).collect();
+        let points = geometry.facing(proxy.sample_features(POINTS, seed, LINK_STREAM), &places);
         let points = points.iter().map(|point| Probe::new(point, geometry)).collect();
         Some(Self { angle: degrees.to_radians(), direct: own.direct, shared, points })
     }

@@ -79,7 +79,7 @@ pub(super) fn prepare(
         )));
     }
     let viewers = viewers(config, geometry, &problem.viewers_lens)?;
-    let mut points = geometry.facing_viewers(proxy.sample(REACHABLE as usize, config.seed, PROBE_STREAM));
+    let mut points = problem.points(REACHABLE as usize, config, PROBE_STREAM)?;
     random::shuffle(&mut points, config.seed, PROBE_STREAM);
     let links = Links::of(own, proxy, geometry, config.seed).map(Arc::new);
     let settings = QualitySettings {

@@ -78,8 +78,7 @@ pub(super) fn prepare(
     if own.start == Start::Identical {
         start_scale::identical(&mut start[problem.kept.len()..], config, geometry);
     }
-    let points = problem.target.proxy.sample(own.pool as usize, config.seed, PROBE_STREAM);
-    let mut points = geometry.facing_viewers(points);
+    let mut points = problem.points(own.pool as usize, config, PROBE_STREAM)?;
     random::shuffle(&mut points, config.seed, PROBE_STREAM);
     let few: Vec<Probe> = points.iter().take(start_scale::PROBES).map(|point| Probe::new(point, geometry)).collect();
     let visible = start_scale::visible(start, &few, geometry);
