@@ -136,7 +136,8 @@ pub fn focus(proxy: &mut Proxy, subject: &Volume) -> Result<(usize, Volume)> {
 
 /// The largest thing that stands on the ground of a surface, by the volume below its top, as an axis-aligned box from the ground up.
 ///
-/// The ground is a plane, level or sloping, by the lowest points of a map's cells, and hills on it that rise nowhere steeper than [`SLOPE`].
+/// The ground is a plane, level or sloping, by the lowest points of a map's cells, and hills and valleys on it that are nowhere steeper than
+/// [`SLOPE`]; of a base, whose lowest points are its underside, the top.
 /// What stands on it are connected cells that rise above by a quarter of the mean rise, in which each cell counts by its own: a mast alone is
 /// no more than it holds. Returns the height of the ground there along up, too. A surface that does not end in its ground has none, such as
 /// that of an object alone: all of it that is connected counts as standing.
@@ -169,9 +170,12 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, Option<f64>)> {
     let seen: Vec<usize> = (0..cells.len()).filter(|i| cells[*i][0].is_finite()).collect();
     let plane = ground(&seen.iter().map(|i| (middle(*i) - low, cells[*i][0])).collect::<Vec<_>>(), FLAT * side);
     // A stray low point, or a pit, is no reason to take the land around it for what stands on it.
-    let above = |i: usize| (cells[i][0] - plane.dot((middle(i) - low).extend(1.0))).max(0.0);
-    let hills = gentle((0..cells.len()).map(above).collect(), dims.x as usize, SLOPE * cell);
-    let land_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)];
+    let above = |i: usize| cells[i][0] - plane.dot((middle(i) - low).extend(1.0));
+    let [hills, valleys] = [1.0, -1.0].map(|sign| {
+        let away = |i: usize| if cells[i][0].is_finite() { (sign * above(i)).max(0.0) } else { f64::INFINITY };
+        gentle((0..cells.len()).map(away).collect(), dims.x as usize, SLOPE * cell)
+    });
+    let land_at = |p: DVec2| plane.dot((p - low).extend(1.0)) + hills[index(p)] - valleys[index(p)];
     // What a surface with ground ends in all around is its ground, and little lies under it.
     let is_edge = |i: usize| {
         let (x, y) = (i as u32 % dims.x, i as u32 / dims.x);
@@ -179,12 +183,21 @@ pub fn largest(proxy: &Proxy, up: DVec3) -> Result<(Volume, Option<f64>)> {
         !is_inside || around(i, dims.x as usize, dims.y as usize).any(|j| !cells[j][0].is_finite())
     };
     let edge: Vec<usize> = seen.iter().copied().filter(|i| is_edge(*i)).collect();
-    let level = edge.iter().filter(|i| cells[**i][1] - land_at(middle(**i)) <= FLAT * side).count();
+    let thick = |i: &usize| cells[*i][1] - land_at(middle(*i));
+    let mut thicknesses: Vec<f64> = edge.iter().map(thick).collect();
+    thicknesses.sort_by(f64::total_cmp);
+    let usual_edge = thicknesses.get(thicknesses.len() / 2).copied().unwrap_or_default();
+    let level = |of: &[usize], at: f64| of.iter().filter(|i| (thick(i) - at).abs() <= FLAT * side).count();
+    // A base is most of what there is, and much lower than what stands on it; the foot of a statue is neither.
+    let highest = seen.iter().map(thick).fold(0.0, f64::max);
+    let is_base =
+        (FLAT * side..STANDS * highest).contains(&usual_edge) && 4 * level(&seen, usual_edge) > 3 * seen.len();
+    let base = if is_base { usual_edge } else { 0.0 };
     let is_below = |p: DVec2, height: f64| height < land_at(p) - FLAT * side;
     let under = points.iter().filter(|(p, height)| is_below(*p, *height) && !is_below(*p, cells[index(*p)][1])).count();
-    let has_ground = 2 * level > edge.len() && UNDER * under < points.len();
+    let has_ground = 2 * level(&edge, base) > edge.len() && UNDER * under < points.len();
     let lowest = points.iter().map(|(_, height)| *height).fold(f64::INFINITY, f64::min);
-    let ground_at = |p: DVec2| if has_ground { land_at(p) } else { lowest };
+    let ground_at = |p: DVec2| if has_ground { land_at(p) + base } else { lowest };
     let rise = |i: usize| cells[i][1] - ground_at(middle(i));
     let rises = || seen.iter().map(|i| rise(*i).max(0.0));
     let usual = rises().map(|rise| rise * rise).sum::<f64>() / rises().sum::<f64>().max(f64::MIN_POSITIVE);
@@ -448,11 +461,40 @@ mod tests {
         let (min, max) = bounds(&subject);
         assert_eq!(floor, None);
         assert!(min.max_element() < 0.0 && max.cmpgt(DVec3::new(0.5, 0.5, 0.99)).all(), "{min} to {max}");
-        // On the ground it has one.
-        chair.push([[-2.0, -2.0, -0.01], [2.0, 2.0, 0.0]]);
-        let (subject, floor) = largest(&boxes(&chair), DVec3::Z).unwrap();
-        let (min, max) = bounds(&subject);
-        assert!(floor.unwrap().abs() < 0.02, "{floor:?}");
-        assert!(min.truncate().min_element() > -0.1 && max.max_element() < 1.1, "{min} to {max}");
+        // On the ground it has one, and on a thick base.
+        for thickness in [0.01, 0.2] {
+            let on_ground = [&chair[..], &[[[-2.0, -2.0, -thickness], [2.0, 2.0, 0.0]]]].concat();
+            let (subject, floor) = largest(&boxes(&on_ground), DVec3::Z).unwrap();
+            let (min, max) = bounds(&subject);
+            assert!(floor.unwrap().abs() < 0.02, "{floor:?}");
+            assert!(min.truncate().min_element() > -0.1 && max.max_element() < 1.1, "{min} to {max}");
+        }
+    }
+
+    /// If this failed, a scan that is open below, or a thing that narrows upward, would get a floor through its middle.
+    #[test]
+    fn what_falls_away_to_its_edges_has_no_ground() {
+        let turned = |profile: &dyn Fn(f64) -> f64| {
+            let (rings, round) = (40, 64);
+            let mut mesh = Mesh::default();
+            for ring in 0..=rings {
+                let radius = f64::from(ring) / f64::from(rings);
+                mesh.positions.extend((0..round).map(|i| {
+                    let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(round)).sin_cos();
+                    DVec3::new(radius * cos, radius * sin, profile(radius))
+                }));
+            }
+            for (ring, i) in (0..rings).flat_map(|ring| (0..round).map(move |i| (ring, i))) {
+                let [a, b] = [ring * round + i, ring * round + (i + 1) % round];
+                mesh.triangles.extend([[a, a + round, b], [b, a + round, b + round]]);
+            }
+            Proxy::new(&Surface::Mesh(mesh), Orientation::Trusted).unwrap()
+        };
+        let [dome, cone]: [&dyn Fn(f64) -> f64; 2] = [&|r| (1.0 - r * r).sqrt(), &|r| 2.0 - 2.0 * r];
+        for profile in [dome, cone] {
+            let (subject, floor) = largest(&turned(profile), DVec3::Z).unwrap();
+            let lowest = subject.triangles.iter().flatten().map(|p| p.z).fold(f64::INFINITY, f64::min);
+            assert!(floor.is_none() && lowest < 0.05, "a floor at {floor:?}, the subject from {lowest}");
+        }
     }
 }

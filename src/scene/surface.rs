@@ -96,5 +96,8 @@ impl Surface {
 
 /// Digits after the point with which a length is said to a part in a hundred at least: three, and more of a tiny one.
 pub fn digits(length: f64) -> usize {
+    if length == 0.0 {
+        return 3;
+    }
     (2.0 - length.abs().log10().floor()).clamp(3.0, 9.0) as usize
 }

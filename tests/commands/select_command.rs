@@ -238,7 +238,7 @@ fn what_cannot_be_chosen_is_refused() {
         ("capture --count 1 --include two.txt", &["--include names 2", "raise --count"]),
         ("capture --count 5 --include two.txt --exclude one.txt", &["--include and --exclude both name photo_02.png"]),
         ("capture --count 5 --include odd.txt", &["odd.txt", "nowhere.png, neither.png", "such as photo_"]),
-        ("capture --count 5 --exclude gone.txt", &["gone.txt: ", "no such text file", "a photo on each line"]),
+        ("capture --count 5 --exclude gone.txt", &["gone.txt: ", "no such file", "a photo on each line"]),
         ("capture --count 5 --points 0", &["--points is 0"]),
         ("poses.json --count 5", &["poses.json", "no points", "--surface"]),
         ("poses.json --count 5 --surface ball.ply --sharpness", &["poses.json", "missing"]),

@@ -320,17 +320,23 @@ impl RegionOptions {
         }
         if let Some(asked) = &self.subject {
             let (volume, base) = subject_of(asked, surface, up)?;
-            if let (Preset::Object, FloorOption::Auto, None, Some(at)) = (preset, self.floor, choice.floor, base) {
-                let digits = surface.digits();
-                say!(
-                    "floor    at {at:.digits$} along {up:.3}: what the subject stands on (--floor none leaves it out)"
-                );
-                choice.floor = Some(at);
+            match (preset, self.floor, choice.floor, base) {
+                (Preset::Object, FloorOption::Auto, None, Some(at)) => {
+                    let digits = surface.digits();
+                    say!(
+                        "floor    at {at:.digits$} along {up:.3}: what the subject stands on (--floor none leaves it out)"
+                    );
+                    choice.floor = Some(at);
+                }
+                (Preset::Object, FloorOption::Auto, None, None) => {
+                    say!("floor    none: the surface shows no ground that the subject stands on (--floor gives one)");
+                }
+                _ => {}
             }
             subject = Some(volume);
         }
         if stored.is_none() {
-            self.take_planes(&planes, (up, surface.digits()), preset, &mut choice, &mut limits);
+            self.take_planes(&planes, surface, up, preset, &mut choice, &mut limits);
         }
         let name = path.to_string_lossy();
         // What photos prove free begins where they were taken.
@@ -385,11 +391,13 @@ impl RegionOptions {
     fn take_planes(
         &self,
         planes: &Planes,
-        (up, digits): (DVec3, usize),
+        surface: &Surface,
+        up: DVec3,
         preset: Preset,
         choice: &mut RegionChoice,
         limits: &mut Limits,
     ) {
+        let digits = surface.digits();
         // A user's own up makes another floor, or none, of what is level with the photos'.
         let floor = planes.floor.filter(|floor| self.floor == FloorOption::Auto && floor.normal.dot(up) > 0.99);
         if let Some(floor) = floor {

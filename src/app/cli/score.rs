@@ -77,6 +77,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         Some(cameras) => cameras,
         None if of_capture => &arguments.surface,
         None => {
+            io::check_there(&arguments.surface)?;
             return Err(Error::input(&arguments.surface, "a surface has no photos; name the cameras to score as well"));
         }
     };
@@ -100,6 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         let files: Vec<PathBuf> = stored.limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
         check_output_file(file, files.iter().filter(|file| file.exists()))?;
     }
+    let is_limited = stored.as_ref().is_some_and(|stored| !stored.limits.lines().is_empty());
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     note_outside(&target, &cameras, arguments.region.preset_of(&target))?;
     let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
@@ -137,6 +139,9 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         )));
         let given = session::current().given(&shared);
         say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next{given}");
+        if is_limited {
+            say!("         in which the limits of {path} are to be given again");
+        }
     }
     say!("expected {}", expected.line());
     if expected.unseen >= 1.0 {

@@ -202,9 +202,10 @@ fn request(arguments: &Arguments, set: &PhotoSet) -> Result<SelectionRequest> {
 fn listed(file: &Path, number: &HashMap<&str, usize>) -> Result<Vec<usize>> {
     let text = std::fs::read_to_string(file).map_err(|source| match source.kind() {
         ErrorKind::NotFound | ErrorKind::InvalidData => {
-            let what =
-                "there is no such text file; --include and --exclude take one with the name of a photo on each line";
-            Error::input(file, what)
+            let is_there = source.kind() == ErrorKind::InvalidData;
+            let what = if is_there { "this is no text" } else { "there is no such file" };
+            let takes = "--include and --exclude take a text file with the name of a photo on each line";
+            Error::input(file, format!("{what}; {takes}"))
         }
         _ => io::unreadable(file, source),
     })?;

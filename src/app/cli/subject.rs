@@ -42,11 +42,7 @@ pub fn parse_subject(text: &str) -> Result<SubjectOption, String> {
 pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, Option<f64>)> {
     let volume = match subject {
         SubjectOption::Largest => {
-            let (volume, ground) = largest(&Proxy::new(surface, Orientation::Trusted)?, up)?;
-            if ground.is_none() {
-                say!("subject  stands on no ground that the surface shows, which gives no floor (--floor does)");
-            }
-            return Ok((volume, ground));
+            return largest(&Proxy::new(surface, Orientation::Trusted)?, up);
         }
         SubjectOption::Box(min, max) if min.cmplt(*max).all() => {
             Volume { triangles: box_triangles(*min, *max), ..Volume::default() }

@@ -214,7 +214,9 @@ pub(crate) fn check_there(path: &Path) -> Result<()> {
 /// Why a file or folder cannot be read, with what helps.
 pub(crate) fn unreadable(path: &Path, source: std::io::Error) -> Error {
     match source.kind() {
-        ErrorKind::NotFound => Error::input(path, "there is no such file or folder; check the path"),
+        ErrorKind::NotFound | ErrorKind::NotADirectory => {
+            Error::input(path, "there is no such file or folder; check the path")
+        }
         ErrorKind::IsADirectory => Error::input(path, "this is a folder; give a file in it"),
         _ => Error::io(path, source),
     }

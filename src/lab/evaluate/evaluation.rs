@@ -493,6 +493,7 @@ mod tests {
         let other = || _ = run(&[Method::Ours], &|| {}).unwrap();
         let refused = run(&[Method::PaperNoVds], &other).unwrap_err().to_string();
         assert!(refused.contains("(s, ours, 4 views, seed 0)"), "{refused}");
+        assert!(!fs::read_to_string(folder.path().join("table.md")).unwrap().contains("paper-no-vds"));
         let written = run(&[Method::PaperNoVds, Method::Ours], &|| {}).unwrap();
         assert!(written.contains("| s | ours |") && written.contains("| s | paper-no-vds |"), "{written}");
     }

@@ -71,7 +71,7 @@ impl Weights {
     /// missing, of another shape or type, or not finite.
     pub fn read(path: &Path, network: Network) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-            std::io::ErrorKind::NotFound => Error::input(path, "there is no such file; check the path"),
+            std::io::ErrorKind::NotFound => Error::input(path, "there is no such file or folder; check the path"),
             std::io::ErrorKind::IsADirectory => Error::input(path, "this is a folder; give a file of weights"),
             _ => Error::io(path, source),
         })?;
