@@ -96,6 +96,7 @@ mod tests {
     use super::*;
     use crate::planner::plan::config::Preset;
     use crate::planner::plan::target::RegionChoice;
+    use crate::planner::quality::viewers::Viewers;
     use crate::scene::samples;
 
     /// If this failed, new photos would take the names of old ones: 0001.png beside 0001.jpg, which a rendering cannot keep apart.
@@ -111,5 +112,19 @@ mod tests {
         let names: Vec<String> = problem.cameras(&[pose; 5]).into_iter().map(|camera| camera.name).collect();
         assert_eq!(names[..5], ["0000", "planned_planned_0001", "planned_0002", "planned_0003", "0004"]);
         assert_eq!(names[5..], kept.map(|camera| camera.name));
+    }
+
+    /// If this failed, half of a terrain that is looked at from above alone would be said to be unseen, whatever saw it.
+    #[test]
+    fn points_of_a_sheet_face_its_viewers() {
+        let lens = Intrinsics::from_fov(64, 48, 1.0);
+        let (sheet, choice) = (samples::plane(1.0, 8), RegionChoice::default());
+        let target = Target::new(&sheet, "sheet", Preset::Object, &choice, DVec3::Z, &lens).unwrap();
+        let problem = Problem::new(&target, lens, &[]).unwrap();
+        for (low, high, normal) in [(0.1, 9.0, DVec3::Z), (-9.0, -0.1, DVec3::NEG_Z)] {
+            let config = Config { viewers: Viewers::Heights { low, high }, ..Config::new(Preset::Object, 4) };
+            let points = problem.held_out(&config).unwrap();
+            assert!(points.iter().all(|point| point.normal == normal), "seen between heights of {low} and {high}");
+        }
     }
 }
