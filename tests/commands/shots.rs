@@ -201,6 +201,11 @@ fn a_capture_is_told_whether_its_photos_are_enough() {
     for option in ["--preset room", "--box -9,-9,-9,9,9,9", "--up z", both] {
         assert!(next.contains(option) && !next.contains("held-out"), "{option}: {next}");
     }
+    // What a plan holds does not go with it, and that is said.
+    assert!(!out.contains("--keep takes neither"), "{out}");
+    place.done(&format!("plan wall --keep wall --preset room --box=-9,-9,-9,9,9,9 --up z --out limited {SHORT}"));
+    let out = place.done("score wall limited --held-out 300").out;
+    assert!(out.contains("--keep takes neither region nor limits from limited"), "{out}");
     // By the same viewers.
     let (all, _) = gain("wall wall --viewers wall");
     place.done("select wall --count 4 --points 300 --out few");

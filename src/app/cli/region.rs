@@ -328,7 +328,7 @@ impl RegionOptions {
                     );
                     choice.floor = Some(at);
                 }
-                (Preset::Object, FloorOption::Auto, None, None) => {
+                (Preset::Object, FloorOption::Auto, None, None) if planes.floor.is_none() => {
                     say!("floor    none: the surface shows no ground that the subject stands on (--floor gives one)");
                 }
                 _ => {}

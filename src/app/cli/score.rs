@@ -101,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         let files: Vec<PathBuf> = stored.limits.keep_out.iter().map(|volume| PathBuf::from(&volume.file)).collect();
         check_output_file(file, files.iter().filter(|file| file.exists()))?;
     }
-    let is_limited = stored.as_ref().is_some_and(|stored| !stored.limits.lines().is_empty());
+    let has_own_region = stored.is_some();
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     note_outside(&target, &cameras, arguments.region.preset_of(&target))?;
     let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
@@ -139,8 +139,10 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
         )));
         let given = session::current().given(&shared);
         say!("next     camsplat plan {surface} --keep {path} --views {MORE} --out next{given}");
-        if is_limited {
-            say!("         in which the limits of {path} are to be given again");
+        if has_own_region {
+            say!(
+                "         (--keep takes neither region nor limits from {path}: give those that are not the usual ones)"
+            );
         }
     }
     say!("expected {}", expected.line());

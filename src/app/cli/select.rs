@@ -212,8 +212,8 @@ fn listed(file: &Path, number: &HashMap<&str, usize>) -> Result<Vec<usize>> {
     let names = || text.lines().map(str::trim).filter(|name| !name.is_empty());
     let unknown: Vec<&str> = names().filter(|name| !number.contains_key(name)).collect();
     if !unknown.is_empty() {
-        let names = number.keys().min().copied().unwrap_or_default();
-        let what = format!("the capture has no photo called {}; its names are such as {names}", unknown.join(", "));
+        let first = number.keys().min().copied().unwrap_or_default();
+        let what = format!("the capture has no photo called {}; its names are such as {first}", unknown.join(", "));
         return Err(Error::input(file, what));
     }
     let mut photos: Vec<usize> = names().filter_map(|name| number.get(name).copied()).collect();

@@ -41,9 +41,7 @@ pub fn parse_subject(text: &str) -> Result<SubjectOption, String> {
 /// Where a file holds neither a volume nor a part of the surface, or nothing stands on anything.
 pub fn subject_of(subject: &SubjectOption, surface: &Surface, up: DVec3) -> Result<(Volume, Option<f64>)> {
     let volume = match subject {
-        SubjectOption::Largest => {
-            return largest(&Proxy::new(surface, Orientation::Trusted)?, up);
-        }
+        SubjectOption::Largest => return largest(&Proxy::new(surface, Orientation::Trusted)?, up),
         SubjectOption::Box(min, max) if min.cmplt(*max).all() => {
             Volume { triangles: box_triangles(*min, *max), ..Volume::default() }
         }

@@ -133,6 +133,9 @@ impl Viewers {
         intrinsics: Intrinsics,
         inward: bool,
     ) -> Result<Vec<SurfacePoint>> {
+        if !points.iter().any(|point| point.either_side) {
+            return Ok(points);
+        }
         let viewers = self.sample(geometry, intrinsics, inward, 0, FACED)?;
         let places: Vec<DVec3> =
             viewers.iter().map(|viewer| geometry.to_internal.point(viewer.pose.position)).collect();
