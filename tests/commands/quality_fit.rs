@@ -87,7 +87,7 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
     let law = Fitted { coefficients, ..Fitted::embedded(true) };
     let nothing = Correlation { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
     let nothing = Agreement { whole: nothing, of_budgets: None };
-    let known = Fit { law, fitted: nothing, held_out: None };
+    let known = Fit { law, fitted: nothing, held_out: None, alike: 0 };
     // Of each scene and test view, as if it were the only one.
     let expected: Vec<Vec<Vec<f64>>> = SCENES
         .iter()
@@ -122,6 +122,7 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
         assert!((found / wanted - 1.0).abs() < 1e-3, "{found} is not {wanted}: {}", ran.out);
     }
     assert!(ran.out.contains("held out Pearson 1.000"), "{}", ran.out);
+    assert!(ran.out.contains("expected to be alike (35 pairs), and 0.00 for each"), "{}", ran.out);
     let table = place.read("layouts.csv");
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 1 + SCENES.len() * LAYOUTS as usize);

@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     let files: Vec<(&Path, &[u8])> = written.iter().map(|(path, text)| (*path, text.as_bytes())).collect();
     write_files(&files)?;
-    print_law(&fit.law);
+    print_law(&fit.law, fit.alike);
     print_agreement("fitted", &fit.fitted);
     if let Some(held_out) = &fit.held_out {
         print_agreement("held out", held_out);
@@ -118,7 +118,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     Ok(Ended::Done)
 }
 
-fn print_law(fitted: &Fitted) {
+fn print_law(fitted: &Fitted, pairs: usize) {
     let Fitted { coefficients, spread: [alike, per], deviation, layouts, scenes, .. } = fitted;
     let Coefficients { nearest, third, farther, most, background } = coefficients;
     let beside = if *background > 0.0 { format!(", weight beside objects {background:.4}") } else { String::new() };
@@ -130,7 +130,14 @@ fn print_law(fitted: &Fitted) {
             if *background > 0.0 { format!(", of the weight {:.0}%", 100.0 * weight) } else { String::new() };
         say!("sd       {a:.3}, {b:.3}, {c:.3}{of_end}{of_weight}");
     }
-    say!("spread   {alike:.2} dB of layouts that are expected to be alike, and {per:.2} for each decibel expected");
+    let of = match pairs {
+        0 => "the built-in law's, since none of these are".into(),
+        1 => "one pair".into(),
+        _ => format!("{pairs} pairs"),
+    };
+    say!(
+        "spread   {alike:.2} dB of layouts that are expected to be alike ({of}), and {per:.2} for each decibel expected"
+    );
     say!("of       {layouts} layouts of {} scenes", scenes.len());
 }
 

@@ -38,6 +38,8 @@ pub struct Fit {
     pub fitted: Agreement,
     /// How well it predicts the others.
     pub held_out: Option<Agreement>,
+    /// Pairs of layouts that are expected to be alike: without any, the spread of such is the built-in law's.
+    pub alike: usize,
 }
 
 impl Fit {
@@ -152,7 +154,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     if others.is_empty() {
         others.extend(fitted.iter().map(|scene| (*scene, best)));
     }
-    let spread = spread(&others);
+    let (spread, alike) = spread(&others, object);
     let law = Fitted {
         coefficients: Coefficients {
             nearest: best[0],
@@ -173,7 +175,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
             "the weight beside objects vanishes, without which they would be taken for rooms; train layouts that differ more",
         ));
     }
-    Ok(Fit { law, fitted: agreement(&fitted).ok_or_else(too_few)?, held_out: agreement(&held) })
+    Ok(Fit { law, fitted: agreement(&fitted).ok_or_else(too_few)?, held_out: agreement(&held), alike })
 }
 
 /// The best parameters, and which of them are fitted: with the third nearest view and an end where these earn their places.
@@ -220,8 +222,9 @@ fn solved(scenes: &[&Observations], free: &[bool; N]) -> Option<([f64; N], f64)>
 }
 
 /// Standard deviation of the trained difference of two layouts of a scene with the same lens about the one that a law expects: of layouts of
-/// as many views that are expected to be alike, and for each decibel that layouts of any numbers are expected to differ by.
-fn spread(scenes: &[(&Observations, [f64; N])]) -> [f64; 2] {
+/// as many views that are expected to be alike, and for each decibel that layouts of any numbers are expected to differ by. And how many
+/// pairs the first is of: without any, what chance makes of a training is unknown, not nothing, and the built-in law's figure stands.
+fn spread(scenes: &[(&Observations, [f64; N])], object: bool) -> ([f64; 2], usize) {
     let (mut near, mut far): (Vec<f64>, Vec<Pair>) = (Vec::new(), Vec::new());
     for (scene, theta) in scenes {
         let expected = solver::expected(scene, theta);
@@ -237,11 +240,10 @@ fn spread(scenes: &[(&Observations, [f64; N])]) -> [f64; 2] {
             }
         }
     }
-    let mean =
-        |values: Vec<f64>| if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 };
-    let alike = mean(near);
-    let per = mean(far.into_iter().map(|(x, y)| ((y - x).powi(2) - alike) / (x * x)).collect());
-    [alike.sqrt(), per.max(0.0).sqrt()]
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let alike = if near.is_empty() { Fitted::embedded(object).spread[0] } else { mean(&near).sqrt() };
+    let far: Vec<f64> = far.into_iter().map(|(x, y)| ((y - x).powi(2) - alike * alike) / (x * x)).collect();
+    ([alike, mean(&far).max(0.0).sqrt()], near.len())
 }
 
 fn correlation(groups: &[Vec<Pair>]) -> Option<Correlation> {
@@ -400,23 +402,28 @@ mod tests {
                 scenes.iter().enumerate().filter(|(i, _)| *i != left).map(|(_, scene)| scene).collect();
             least_squares(&others, true).unwrap().0
         };
-        let expected = spread(&[0, 1, 2].map(|i| (&scenes[i], spread_of(i))));
-        let found = fit(&scenes, &[]).unwrap().law;
-        assert!(expected[1] > 0.01, "{expected:?}");
+        let (expected, pairs) = spread(&[0, 1, 2].map(|i| (&scenes[i], spread_of(i))), true);
+        let found = fit(&scenes, &[]).unwrap();
+        assert!(expected[1] > 0.01 && pairs > 0 && found.alike == pairs, "{expected:?}");
+        let found = found.law;
         for (one, other) in found.spread.into_iter().zip(expected) {
             assert!((one - other).abs() < 1e-9, "{:?} in place of {expected:?}", found.spread);
         }
         // Of two scenes neither has a law of others; one that is held out has.
         let two = fit(&scenes, &["c".into()]).unwrap().law;
-        assert_eq!(two.spread, spread(&[(&scenes[2], least_squares(&[&scenes[0], &scenes[1]], true).unwrap().0)]));
+        let of_others = least_squares(&[&scenes[0], &scenes[1]], true).unwrap().0;
+        assert_eq!(two.spread, spread(&[(&scenes[2], of_others)], true).0);
         // Two layouts that are expected to be alike and differ by 3 dB.
         let mut alike = of("d", 1.3, 43);
         alike.layouts.truncate(1);
         alike.layouts[0].psnr = vec![25.0; 6];
         alike.layouts.push(Layout { psnr: vec![28.0; 6], ..alike.layouts[0].clone() });
-        assert_eq!(spread(&[(&alike, START)]), [3.0, 0.0]);
+        assert_eq!(spread(&[(&alike, START)], true), ([3.0, 0.0], 1));
+        // Without such a pair the spread of the built-in law stays: none would let any lead over simple layouts pass for one.
         alike.layouts[1].degrees = 80;
-        assert_eq!(spread(&[(&alike, START)]), [0.0, 0.0]);
+        for object in [true, false] {
+            assert_eq!(spread(&[(&alike, START)], object), ([Fitted::embedded(object).spread[0], 0.0], 0));
+        }
     }
 
     /// If this failed, the end would be none where the search runs away from it, and with it the other coefficients be of another law.
