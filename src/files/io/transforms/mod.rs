@@ -295,7 +295,9 @@ impl Lens {
         let x = self.fl_x.or(from_angle(half[0], self.camera_angle_x));
         let y = self.fl_y.or(from_angle(half[1], self.camera_angle_y));
         let (Some(x), Some(y)) = (x.or(y), y.or(x)) else {
-            return Err("no focal length is given; add fl_x, or camera_angle_x in radians".into());
+            return Err(
+                "no focal length is given, or none that is a number; add fl_x, or camera_angle_x in radians".into()
+            );
         };
         let principal = [self.cx.unwrap_or(half[0]), self.cy.unwrap_or(half[1])];
         let given = Intrinsics { width: w, height: h, focal: [x, y], principal };
@@ -444,7 +446,9 @@ mod tests {
         assert!(with(r#""camera_angle_x": 52, "w": 10, "h": 10,"#, IDENTITY).contains("in radians"));
         assert!(with(r#""camera_model": "EQUIRECTANGULAR","#, IDENTITY).contains("no pinhole"));
         assert!(with("", IDENTITY).contains("no w and h"));
-        assert!(with(r#""w": 10, "h": 10,"#, IDENTITY).contains("no focal length"));
+        for lens in [r#""w": 10, "h": 10,"#, r#""w": 10, "h": 10, "fl_x": NaN,"#] {
+            assert!(with(lens, IDENTITY).contains("no focal length is given, or none that is a number"));
+        }
         assert!(with(r#""fl_x": 10, "w": 10.5, "h": 10,"#, IDENTITY).contains("whole pixels"));
         assert!(read("{\"frames\": []}").unwrap_err().to_string().contains("no cameras"));
         assert!(read("{\"frames\": [{]}").unwrap_err().to_string().contains("line 1 column"));
