@@ -3,13 +3,13 @@
 
     python3 research/law.py SCENE ... --bench BENCH --data DATA --out OUT [--by views]
 
-BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has NAME.ply and NAME.json, the mesh.ply
+BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has NAME.ply and NAME.json, mesh.ply
 and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the benchmark's fit split,
 to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its
 coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is
-left, of all layouts, of those of one lens, of both without random cameras or half of a sphere, and around objects of those of as many views;
-of laws that are not fitted here what is expected of each layout and was trained. Each scene counts the same. At the end, how many of the
-intervals that camsplat gives hold. Needs numpy and scipy.
+left, of all layouts, those of one lens, both without random cameras or half of a sphere, and around objects those of as many views; of
+fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what is expected of each layout
+and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold. Needs numpy and scipy.
 """
 
 import argparse
@@ -94,6 +94,11 @@ def steeper(scene, p):
     return ending(scene, [6.15, 0, 0.68, 6.62])
 
 
+def by_layouts(scene, p):
+    """The law of rooms until 2026-11-30, fitted to means of layouts."""
+    return ending(scene, [3.1990838559128445, 0.7750363388219793, 0.9719354819566841, 80])
+
+
 def file_of(scene):
     name = "law_of_objects.json" if scene.object else "law_of_rooms.json"
     return json.loads((SOURCES / "planner/quality" / name).read_text())
@@ -160,6 +165,44 @@ def by_number_of_views(scene, p):
     return ending(scene, p) + p[4] * scene.log_views
 
 
+def never_ending_by_number_of_views(scene, p):
+    return fitted(scene, p) + p[3] * scene.log_views
+
+
+def least(scene, p):
+    """With an error that no photo lowers."""
+    return np.logaddexp(fitted(scene, p), p[3])
+
+
+def power(scene, p):
+    return p[0] * scene.first ** p[3] + p[1] * scene.third ** p[3] + p[2] * scene.farther
+
+
+def residuals(scenes, law, p, by):
+    return np.concatenate([scene.left(law(scene, p), by) for scene in scenes])
+
+
+def fit(scenes, law, start, by):
+    return least_squares(lambda p: residuals(scenes, law, p, by), start, diff_step=1e-3).x
+
+
+def compare(scene, log_error, which, each):
+    """Prints how what is expected of layouts goes with what they trained; of each layout too where asked for."""
+    expected, trained = scene.expected(log_error).mean(axis=1), scene.psnr.mean(axis=1)
+    parts = {"all": scene.one_lens | True, "good": ~scene.bad, "one lens": scene.one_lens, "one lens, good": scene.one_lens & ~scene.bad}
+    if scene.object:
+        views = np.array([views for _, views in scene.layouts])
+        parts |= {f"{n} views, not half": (views == n) & ~scene.half for n in np.unique(views)}
+    for part, of in parts.items():
+        if of.sum() < 4:
+            continue
+        x, y = expected[of], trained[of]
+        print(f"  {scene.name} ({which}, {part}): {np.corrcoef(x, y)[0, 1]:.3f}, {np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")
+    if each:
+        layouts = zip(scene.layouts, expected, trained)
+        print("  " + "; ".join(f"{method} {views}: {x:.2f}, {y:.2f}" for (method, views), x, y in layouts))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+")
@@ -171,39 +214,27 @@ def main():
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     scenes = [Scene(name, arguments) for name in arguments.scenes]
-    laws = [(first_edition, []), (built_in, []), (steeper, []), (fitted, [2, 0.5, 0.7]), (ending, [3, 0.5, 0.7, 6]), (far_beyond, [2, 0.5, 0.7])]
+    forms = [(fitted, []), (ending, [6]), (far_beyond, []), (never_ending_by_number_of_views, [0.1]), (least, [-1]), (power, [1.2])]
+    laws = [(first_edition, []), (steeper, []), (by_layouts, []), (built_in, []), *((form, [2, 0.5, 0.7, *more]) for form, more in forms)]
     if scenes[0].object:
         angles = [("root", np.sqrt), ("logarithm", lambda g: np.log1p(g / 0.3)), ("sine", lambda g: np.sin(np.minimum(g, 1.57))),
                   ("chord", lambda g: 2 * np.sin(g / 2))]
         forms = [(fitted, []), (ending, [5]), *((of_angles(*one), []) for one in angles), (steeper_at_silhouettes, [5, 0.1]),
                  (by_number_of_views, [5, 0.1])]
         laws = [(first_edition_of_objects, []), (built_in, []), *((of_object(form), [3, 1, 0.6, *more, -4]) for form, more in forms)]
+    of_fit = [scene for scene in scenes if scene.fitted]
     for law, start in laws:
-        def residuals(p, law=law):
-            return np.concatenate([scene.left(law(scene, p), arguments.by) for scene in scenes if scene.fitted])
-
-        fits = start and any(scene.fitted for scene in scenes)
-        if start and not fits:
+        if start and not of_fit:
             continue
-        p = least_squares(residuals, start, diff_step=1e-3).x if fits else []
+        p = fit(of_fit, law, start, arguments.by) if start else []
         print(law.__name__, " ".join(f"{value:.2f}" for value in p))
-        if any(scene.fitted for scene in scenes):
-            print(f"  mean square {np.sum(residuals(p) ** 2) / sum(scene.fitted for scene in scenes):.2f}")
+        if of_fit:
+            print(f"  mean square {np.sum(residuals(of_fit, law, p, arguments.by) ** 2) / len(of_fit):.2f}")
         for scene in scenes:
-            expected, trained = scene.expected(law(scene, p)).mean(axis=1), scene.psnr.mean(axis=1)
-            parts = {"all": scene.one_lens | True, "good": ~scene.bad, "one lens": scene.one_lens, "one lens, good": scene.one_lens & ~scene.bad}
-            if scene.object:
-                views = np.array([views for _, views in scene.layouts])
-                parts |= {f"{n} views, not half": (views == n) & ~scene.half for n in np.unique(views)}
-            for which, of in parts.items():
-                if of.sum() < 4:
-                    continue
-                x, y = expected[of], trained[of]
-                print(f"  {scene.name} ({'fit' if scene.fitted else 'not fitted'}, {which}): {np.corrcoef(x, y)[0, 1]:.3f}, "
-                      f"{np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")
-            if not start:
-                each = zip(scene.layouts, expected, trained)
-                print("  " + "; ".join(f"{method} {views}: {x:.2f}, {y:.2f}" for (method, views), x, y in each))
+            compare(scene, law(scene, p), "fit" if scene.fitted else "not fitted", each=not start)
+        for scene in of_fit if start and len(of_fit) > 2 else []:
+            others = fit([other for other in of_fit if other is not scene], law, start, arguments.by)
+            compare(scene, law(scene, others), "by the law of the others", each=True)
     for scene in scenes:
         share, pairs = held(scene)
         print(f"90% intervals of {scene.name} hold {share:.2f} of {pairs} differences")
