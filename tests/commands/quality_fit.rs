@@ -87,7 +87,7 @@ fn a_law_comes_back_from_the_evaluations_that_follow_it() {
     let law = Fitted { coefficients, ..Fitted::embedded(true) };
     let nothing = Correlation { groups: 0, layouts: 0, pearson: 0.0, least: 0.0, slope: 0.0 };
     let nothing = Agreement { whole: nothing, of_budgets: None };
-    let known = Fit { law, fitted: nothing, held_out: None, alike: 0 };
+    let known = Fit { law, fitted: nothing, held_out: None, alike_pairs: 0 };
     // Of each scene and test view, as if it were the only one.
     let expected: Vec<Vec<Vec<f64>>> = SCENES
         .iter()

@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     }
     let files: Vec<(&Path, &[u8])> = written.iter().map(|(path, text)| (*path, text.as_bytes())).collect();
     write_files(&files)?;
-    print_law(&fit.law, fit.alike);
+    print_law(&fit.law, fit.alike_pairs);
     print_agreement("fitted", &fit.fitted);
     if let Some(held_out) = &fit.held_out {
         print_agreement("held out", held_out);
@@ -130,11 +130,7 @@ fn print_law(fitted: &Fitted, pairs: usize) {
             if *background > 0.0 { format!(", of the weight {:.0}%", 100.0 * weight) } else { String::new() };
         say!("sd       {a:.3}, {b:.3}, {c:.3}{of_end}{of_weight}");
     }
-    let of = match pairs {
-        0 => "the built-in law's, since none of these are".into(),
-        1 => "one pair".into(),
-        _ => format!("{pairs} pairs"),
-    };
+    let of = if fitted.borrowed { "the built-in law's, for want of such".into() } else { format!("{pairs} pairs") };
     say!(
         "spread   {alike:.2} dB of layouts that are expected to be alike ({of}), and {per:.2} for each decibel expected"
     );

@@ -9,11 +9,13 @@
 
 mod observation;
 mod solver;
+mod spread;
 
 use serde::Serialize;
 
 pub use observation::{Layout, Observations};
 use solver::{BESIDE, FARTHER, MOST, N, THIRD};
+use spread::Spread;
 
 use crate::planner::quality::law::{Coefficients, FARTHEST, Fitted, NO_END};
 use crate::{Error, Result};
@@ -38,8 +40,8 @@ pub struct Fit {
     pub fitted: Agreement,
     /// How well it predicts the others.
     pub held_out: Option<Agreement>,
-    /// Pairs of layouts that are expected to be alike: without any, the spread of such is the built-in law's.
-    pub alike: usize,
+    /// Pairs of layouts of as many views with one lens that are expected to be alike.
+    pub alike_pairs: usize,
 }
 
 impl Fit {
@@ -154,7 +156,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
     if others.is_empty() {
         others.extend(fitted.iter().map(|scene| (*scene, best)));
     }
-    let (spread, alike) = spread(&others, object);
+    let Spread { alike, borrowed, per_decibel, alike_pairs } = spread::of(&others, object);
     let law = Fitted {
         coefficients: Coefficients {
             nearest: best[0],
@@ -163,7 +165,8 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
             most: free[MOST].then_some(best[MOST]),
             background: if free[BESIDE] { best[BESIDE].exp() } else { 0.0 },
         },
-        spread,
+        spread: [alike, per_decibel],
+        borrowed,
         deviation,
         scenes: own_names,
         held_out: names(&held),
@@ -175,7 +178,7 @@ pub fn fit(scenes: &[Observations], held_out: &[String]) -> Result<Fit> {
             "the weight beside objects vanishes, without which they would be taken for rooms; train layouts that differ more",
         ));
     }
-    Ok(Fit { law, fitted: agreement(&fitted).ok_or_else(too_few)?, held_out: agreement(&held), alike })
+    Ok(Fit { law, fitted: agreement(&fitted).ok_or_else(too_few)?, held_out: agreement(&held), alike_pairs })
 }
 
 /// The best parameters, and which of them are fitted: with the third nearest view and an end where these earn their places.
@@ -219,31 +222,6 @@ fn solved(scenes: &[&Observations], free: &[bool; N]) -> Option<([f64; N], f64)>
     });
     let found = [Some(start), near].into_iter().flatten().filter_map(|start| solver::solve(scenes, start, free));
     found.min_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// Standard deviation of the trained difference of two layouts of a scene with the same lens about the one that a law expects: of layouts of
-/// as many views that are expected to be alike, and for each decibel that layouts of any numbers are expected to differ by. And how many
-/// pairs the first is of: without any, what chance makes of a training is unknown, not nothing, and the built-in law's figure stands.
-fn spread(scenes: &[(&Observations, [f64; N])], object: bool) -> ([f64; 2], usize) {
-    let (mut near, mut far): (Vec<f64>, Vec<Pair>) = (Vec::new(), Vec::new());
-    for (scene, theta) in scenes {
-        let expected = solver::expected(scene, theta);
-        for (i, a) in scene.layouts.iter().enumerate() {
-            for (j, b) in scene.layouts[..i].iter().enumerate().filter(|(_, b)| a.degrees == b.degrees) {
-                let (x, y) = (expected[i] - expected[j], a.trained() - b.trained());
-                if a.views == b.views && x.abs() < 0.25 {
-                    near.push((y - x).powi(2));
-                }
-                if x.abs() >= 1.0 {
-                    far.push((x, y));
-                }
-            }
-        }
-    }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let alike = if near.is_empty() { Fitted::embedded(object).spread[0] } else { mean(&near).sqrt() };
-    let far: Vec<f64> = far.into_iter().map(|(x, y)| ((y - x).powi(2) - alike * alike) / (x * x)).collect();
-    ([alike, mean(&far).max(0.0).sqrt()], near.len())
 }
 
 fn correlation(groups: &[Vec<Pair>]) -> Option<Correlation> {
@@ -397,33 +375,62 @@ mod tests {
         // Each scene follows a law of its own, which that of the others misses by as much as they differ.
         let of = |name: &str, nearest: f64, seed| scene(name, [nearest, 0.6, 0.8, -2.8, 2.0], 0.0, seed);
         let scenes = [of("a", 1.3, 40), of("b", 1.1, 41), of("c", 1.5, 42)];
-        let spread_of = |left: usize| {
+        let law_without = |left: usize| {
             let others: Vec<_> =
                 scenes.iter().enumerate().filter(|(i, _)| *i != left).map(|(_, scene)| scene).collect();
             least_squares(&others, true).unwrap().0
         };
-        let (expected, pairs) = spread(&[0, 1, 2].map(|i| (&scenes[i], spread_of(i))), true);
+        let expected = spread::of(&[0, 1, 2].map(|i| (&scenes[i], law_without(i))), true);
         let found = fit(&scenes, &[]).unwrap();
-        assert!(expected[1] > 0.01 && pairs > 0 && found.alike == pairs, "{expected:?}");
-        let found = found.law;
-        for (one, other) in found.spread.into_iter().zip(expected) {
-            assert!((one - other).abs() < 1e-9, "{:?} in place of {expected:?}", found.spread);
+        assert!(expected.per_decibel > 0.01 && !expected.borrowed && !found.law.borrowed, "{expected:?}");
+        assert_eq!(found.alike_pairs, expected.alike_pairs);
+        for (one, other) in found.law.spread.into_iter().zip([expected.alike, expected.per_decibel]) {
+            assert!((one - other).abs() < 1e-9, "{:?} in place of {expected:?}", found.law.spread);
         }
         // Of two scenes neither has a law of others; one that is held out has.
         let two = fit(&scenes, &["c".into()]).unwrap().law;
         let of_others = least_squares(&[&scenes[0], &scenes[1]], true).unwrap().0;
-        assert_eq!(two.spread, spread(&[(&scenes[2], of_others)], true).0);
-        // Two layouts that are expected to be alike and differ by 3 dB.
-        let mut alike = of("d", 1.3, 43);
+        let expected = spread::of(&[(&scenes[2], of_others)], true);
+        assert_eq!(two.spread, [expected.alike, expected.per_decibel]);
+    }
+
+    /// If this failed, a fit without layouts that are alike, or with one lucky pair of them, would say that such differ by nothing, and plans
+    /// be taken for better than simple layouts for any lead.
+    #[test]
+    fn what_layouts_that_are_alike_differ_by_is_of_ten_pairs_or_the_built_in_law_s() {
+        // Five layouts that are expected to be alike, of which two trained 3 dB more than the others.
+        let mut alike = scene("a", START, 0.0, 43);
         alike.layouts.truncate(1);
         alike.layouts[0].psnr = vec![25.0; 6];
-        alike.layouts.push(Layout { psnr: vec![28.0; 6], ..alike.layouts[0].clone() });
-        assert_eq!(spread(&[(&alike, START)], true), ([3.0, 0.0], 1));
-        // Without such a pair the spread of the built-in law stays: none would let any lead over simple layouts pass for one.
+        for psnr in [25.0, 25.0, 28.0, 28.0] {
+            alike.layouts.push(Layout { psnr: vec![psnr; 6], ..alike.layouts[0].clone() });
+        }
+        let of = |alike: &Observations, object: bool| spread::of(&[(alike, START)], object);
+        let Spread { alike: sd, borrowed, alike_pairs, .. } = of(&alike, true);
+        assert!((sd - (0.6 * 9f64).sqrt()).abs() < 1e-12 && !borrowed && alike_pairs == 10, "{sd}");
         alike.layouts[1].degrees = 80;
         for object in [true, false] {
-            assert_eq!(spread(&[(&alike, START)], object), ([Fitted::embedded(object).spread[0], 0.0], 0));
+            let built_in = Fitted::embedded(object).spread[0];
+            assert_eq!(
+                of(&alike, object),
+                Spread { alike: built_in, borrowed: true, per_decibel: 0.0, alike_pairs: 6 }
+            );
         }
+        // Of a whole fit, each of whose layouts has a number of views of its own.
+        let mut scenes = ["a", "b", "c"].map(|name| scene(name, [1.3, 0.6, 0.8, -2.8, 2.0], 2.0, 40));
+        scenes.iter_mut().for_each(|scene| (1..).zip(&mut scene.layouts).for_each(|(l, layout)| layout.views = l));
+        let found = fit(&scenes, &[]).unwrap();
+        let built_in = Fitted::embedded(true).spread[0];
+        assert!(found.law.borrowed && found.alike_pairs == 0 && found.law.spread[0] == built_in, "{found:?}");
+        // The scenes are the same, so that each is by its own law, and what is left beyond the built-in figure is by the decibel.
+        let (expected, trained) = (found.expected(&scenes[0]), scenes[0].layouts.iter().map(Layout::trained));
+        let layouts: Vec<Pair> = expected.into_iter().zip(trained).collect();
+        let pairs =
+            layouts.iter().enumerate().flat_map(|(i, a)| layouts[..i].iter().map(move |b| (a.0 - b.0, a.1 - b.1)));
+        let far: Vec<Pair> = pairs.filter(|(x, _)| x.abs() >= 1.0).collect();
+        let squares = far.iter().map(|(x, y)| ((y - x).powi(2) - built_in.powi(2)) / (x * x)).sum::<f64>();
+        let wanted = (squares / far.len() as f64).sqrt();
+        assert!(wanted > 0.0 && (found.law.spread[1] - wanted).abs() < 1e-6, "{:?}, {wanted}", found.law.spread);
     }
 
     /// If this failed, the end would be none where the search runs away from it, and with it the other coefficients be of another law.

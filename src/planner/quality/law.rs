@@ -155,6 +155,8 @@ pub struct Fitted {
     /// expected to be alike, which differ by their rotation and the training's chance, and for each decibel that they are expected to differ
     /// by. Of three scenes or more each by the law of the others, and of what is held out; else of what it was fitted to.
     pub spread: [f64; 2],
+    /// Whether the first of these is that of the law that was built in, for want of layouts that are expected to be alike.
+    pub borrowed: bool,
     /// Standard deviations of `nearest`, `third`, `farther`, of the logarithm of `background` and of `most`, by leaving out one scene at a
     /// time, with the law's form held; none of fewer than three scenes.
     pub deviation: Option<[f64; 5]>,
