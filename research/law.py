@@ -3,13 +3,15 @@
 
     python3 research/law.py SCENE ... --bench BENCH --data DATA --out OUT [--by views]
 
-BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has NAME.ply and NAME.json, mesh.ply
-and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the benchmark's fit split,
-to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts. Printed for each form: its
-coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the standard deviation of what is
-left, of all layouts, those of one lens, both without random cameras or half of a sphere, and around objects those of as many views; of
-fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what is expected of each layout
-and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold. Needs numpy and scipy.
+BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has the files NAME.ply and NAME.json,
+which are mesh.ply and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the
+benchmark's fit split, to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts.
+
+Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
+standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and around objects
+those of as many views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what
+is expected of each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold.
+Needs numpy and scipy.
 """
 
 import argparse
@@ -48,7 +50,7 @@ class Scene:
         self.first, self.third, self.farther = near[..., 0], near[..., 1], near[..., 2]
         self.log_views = np.log(np.array([run["views"] for run in results]) / 50)[:, None]
         self.one_lens = np.array(["@" not in run["method"] for run in results])
-        self.layouts = [(run["method"].split("=")[0], run["views"]) for run in results]
+        self.layouts = [(run["method"].split("=cameras:")[0], run["views"]) for run in results]
         self.half = np.array([method == "half" for method, _ in self.layouts])
         self.bad = self.half | np.array([method == "random" for method, _ in self.layouts])
 
@@ -94,8 +96,8 @@ def steeper(scene, p):
     return ending(scene, [6.15, 0, 0.68, 6.62])
 
 
-def by_layouts(scene, p):
-    """The law of rooms until 2026-11-30, fitted to means of layouts."""
+def former(scene, p):
+    """The law of rooms until 2026-11-30."""
     return ending(scene, [3.1990838559128445, 0.7750363388219793, 0.9719354819566841, 80])
 
 
@@ -105,12 +107,12 @@ def file_of(scene):
 
 
 def held(scene):
-    """Share of the 90% intervals of differences of two layouts with one lens, by camsplat's law, that hold what was trained."""
+    """How many 90% intervals of differences of two layouts with one lens, by camsplat's law, hold what was trained, and of how many."""
     expected, trained = scene.expected(built_in(scene, [])).mean(axis=1)[scene.one_lens], scene.psnr.mean(axis=1)[scene.one_lens]
     a, b = np.triu_indices(len(expected), 1)
     alike, each = file_of(scene)["spread"]
     wide = 1.645 * np.hypot(alike, each * (expected[a] - expected[b]))
-    return np.mean(np.abs((trained - expected)[a] - (trained - expected)[b]) < wide), len(a)
+    return np.sum(np.abs((trained - expected)[a] - (trained - expected)[b]) < wide), len(a)
 
 
 def built_in(scene, p):
@@ -214,14 +216,15 @@ def main():
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     scenes = [Scene(name, arguments) for name in arguments.scenes]
-    forms = [(fitted, []), (ending, [6]), (far_beyond, []), (never_ending_by_number_of_views, [0.1]), (least, [-1]), (power, [1.2])]
-    laws = [(first_edition, []), (steeper, []), (by_layouts, []), (built_in, []), *((form, [2, 0.5, 0.7, *more]) for form, more in forms)]
     if scenes[0].object:
         angles = [("root", np.sqrt), ("logarithm", lambda g: np.log1p(g / 0.3)), ("sine", lambda g: np.sin(np.minimum(g, 1.57))),
                   ("chord", lambda g: 2 * np.sin(g / 2))]
         forms = [(fitted, []), (ending, [5]), *((of_angles(*one), []) for one in angles), (steeper_at_silhouettes, [5, 0.1]),
                  (by_number_of_views, [5, 0.1])]
         laws = [(first_edition_of_objects, []), (built_in, []), *((of_object(form), [3, 1, 0.6, *more, -4]) for form, more in forms)]
+    else:
+        forms = [(fitted, []), (ending, [6]), (far_beyond, []), (never_ending_by_number_of_views, [0.1]), (least, [-1]), (power, [1.2])]
+        laws = [(first_edition, []), (steeper, []), (former, []), (built_in, []), *((form, [2, 0.5, 0.7, *more]) for form, more in forms)]
     of_fit = [scene for scene in scenes if scene.fitted]
     for law, start in laws:
         if start and not of_fit:
@@ -232,12 +235,15 @@ def main():
             print(f"  mean square {np.sum(residuals(of_fit, law, p, arguments.by) ** 2) / len(of_fit):.2f}")
         for scene in scenes:
             compare(scene, law(scene, p), "fit" if scene.fitted else "not fitted", each=not start)
-        for scene in of_fit if start and len(of_fit) > 2 else []:
+        if not start or len(of_fit) < 3:
+            continue
+        for scene in of_fit:
             others = fit([other for other in of_fit if other is not scene], law, start, arguments.by)
             compare(scene, law(scene, others), "by the law of the others", each=True)
     for scene in scenes:
-        share, pairs = held(scene)
-        print(f"90% intervals of {scene.name} hold {share:.2f} of {pairs} differences")
+        holding, pairs = held(scene)
+        fitted_to = ", to which it was fitted," if scene.name in file_of(scene)["scenes"] else ""
+        print(f"of {pairs} differences of {scene.name}{fitted_to} 90% intervals hold {holding}")
 
 
 if __name__ == "__main__":
