@@ -16,6 +16,7 @@ Needs numpy and scipy.
 
 import argparse
 import json
+import re
 import subprocess
 from pathlib import Path
 
@@ -50,7 +51,8 @@ class Scene:
         self.first, self.third, self.farther = near[..., 0], near[..., 1], near[..., 2]
         self.log_views = np.log(np.array([run["views"] for run in results]) / 50)[:, None]
         self.one_lens = np.array(["@" not in run["method"] for run in results])
-        self.layouts = [(run["method"].split("=cameras:")[0], run["views"]) for run in results]
+        # NAME of NAME=cameras:FILE and NAME=lenses:FILE; of ours:law.nearest=... all of it, since laws differ.
+        self.layouts = [(re.split("=(?:cameras|lenses):", run["method"])[0], run["views"]) for run in results]
         self.half = np.array([method == "half" for method, _ in self.layouts])
         self.bad = self.half | np.array([method == "random" for method, _ in self.layouts])
 
