@@ -10,7 +10,8 @@ benchmark's fit split, to the means of layouts over test views, or with `--by vi
 Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
 standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and around objects
 those of as many views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what
-is expected of each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold.
+is expected of each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, and
+how well each layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
 Needs numpy and scipy.
 """
 
@@ -58,11 +59,13 @@ class Scene:
 
         # The trainer leaves out photos of one colour, and `looks` test views that show little of an object.
         names = [Path(frame["file_path"]).name for frame in json.loads(tests.read_text())["frames"]]
-        trained = [json.loads((runs / run["folder"] / "train.json").read_text())["test_views"] for run in results]
-        trained = [{view["name"]: view["quality"]["psnr"] for view in views} for views in trained]
+        reports = [json.loads((runs / run["folder"] / "train.json").read_text()) for run in results]
+        trained = [{view["name"]: view["quality"]["psnr"] for view in report["test_views"]} for report in reports]
+        self.photos = [(photos_until(report, 0.5), photos_until(report, 1)) for report in reports]
         names = [names[view] for view in looks["shown"]]
         self.tested = np.array([name in trained[0] for name in names])
         self.psnr = np.array([[views[name] for name in names if name in views] for views in trained])
+        self.sets = np.array([name.rsplit("_", 1)[0] for name in names if name in trained[0]])
 
     def silhouette(self):
         """Pixels of the surface next to one beside it, of 16 x 16 in each test view."""
@@ -87,6 +90,12 @@ class Scene:
         if by == "layouts":
             left = left.mean(axis=1, keepdims=True)
         return (left - left.mean(axis=0)).ravel() / np.sqrt(left.size)
+
+
+def photos_until(report, part):
+    """How well splats showed the photos they were trained on, PSNR, in the tenth of their training that ends at this part of it."""
+    count = report["iterations"]
+    return np.mean([point["psnr"] for point in report["curve"] if part - 0.1 < point["iteration"] / count <= part])
 
 
 def first_edition(scene, p):
@@ -246,6 +255,9 @@ def main():
         holding, pairs = held(scene)
         fitted_to = ", to which it was fitted," if scene.name in file_of(scene)["scenes"] else ""
         print(f"of {pairs} differences of {scene.name}{fitted_to} 90% intervals hold {holding}")
+        for (method, views), (half, end), psnr in zip(scene.layouts, scene.photos, scene.psnr):
+            tests = ", ".join(f"{name} {psnr[scene.sets == name].mean():.2f}" for name in np.unique(scene.sets))
+            print(f"  {method} {views}: photos {half:.2f}, {end:.2f}; test views {tests}")
 
 
 if __name__ == "__main__":
