@@ -250,7 +250,8 @@ def render_settings_kept(scene: bpy.types.Scene) -> Iterator[None]:
 def expected_line(db: float, sd: float, unseen: float, against: str, reason: str = "") -> str:
     """Expected quality as the command prints it."""
     # As +0.00, never -0.00.
-    line = f"{round(db, 2) + 0.0:+.2f} dB (sd {sd:.2f}) against {against}; no camera sees {100 * unseen:.1f}% of what viewers look at"
+    better = f"{round(db, 2) + 0.0:+.2f} dB (sd {sd:.2f}) against {against} with as many views"
+    line = f"{better}; no camera sees {100 * unseen:.1f}% of what viewers look at"
     return f"{line}; {reason}" if reason else line
 
 

@@ -134,7 +134,8 @@ class QualityCurve:
 
     Attributes:
         views: (B,) numbers of views.
-        db: (B,) expected PSNR in decibels, against that of the most views.
+        db: (B,) expected PSNR in decibels, against that of the most views; where plans with 50 to 300 views were trained, more views
+            gained half to three quarters of it.
         unseen: (B,) share of what viewers look at that no camera sees.
         svg: the curve as a picture, which notebooks show.
     """

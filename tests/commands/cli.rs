@@ -49,6 +49,18 @@ fn a_plan_leaves_every_file_and_they_agree() {
     }
 }
 
+/// If this failed, cameras would be scored for viewers and against layouts that stand on a wall, where a file's up was taken wrong.
+#[test]
+fn score_warns_where_the_cameras_stand_by_another_up() {
+    let place = Place::new();
+    place.done("plan ball.ply --out o --views 20 --method fibonacci --up y");
+    let warns = |options: &str| {
+        place.done(&format!("score ball.ply {options}")).out.contains("the cameras stand upright along")
+    };
+    assert!(warns("o/transforms.json") && warns("o/transforms.json --up -y"), "up is z where nobody says it");
+    assert!(!warns("o/transforms.json --up y") && !warns("o"));
+}
+
 /// If this failed, `score` would score a plan by another measure than `plan` did, or an export would have moved the
 /// cameras.
 #[test]
@@ -159,7 +171,7 @@ fn watching_a_run_does_not_change_it() {
 fn the_curve_rises_with_the_views_and_flattens() {
     let place = Place::new();
     let ran = place.done("plan ball.ply --curve --iterations 4 --probes 4 --out c");
-    assert!(ran.out.contains("each further ten gain"), "{}", ran.out);
+    assert!(ran.out.contains("each further ten gain") && ran.out.contains("fewer may do"), "{}", ran.out);
     let points: serde_json::Value = serde_json::from_str(&place.read("c/curve.json")).unwrap();
     let points: Vec<(f64, f64)> =
         points.as_array().unwrap().iter().map(|p| (p["views"].as_f64().unwrap(), p["db"].as_f64().unwrap())).collect();

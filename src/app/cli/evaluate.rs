@@ -443,7 +443,7 @@ fn prepared_as(prepared: Result<()>, out: &Path, subjects: &[Subject]) -> Result
         say!("written  {}", out.join(subject.name()).join("task").display());
     }
     say!(
-        "next     --methods cameras:DIR/{{scene}}-{{views}}-{{seed}}.json in place of --prepare, with the cameras that yours chooses"
+        "next     in place of --prepare, NAME=cameras:DIR/{{scene}}-{{views}}-{{seed}}.json among --methods, with the cameras that yours chooses"
     );
     Ok(Ended::Done)
 }

@@ -302,6 +302,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
 /// Plans with ever more views and writes what is expected of each.
 fn draw_curve(context: &Arc<Context>, problem: &Problem<'_>, config: &Config, folder: OutputFolder) -> Result<Ended> {
     leave_on_interrupt()?;
+    say!("expected quality, less that of the most views");
     say!("{:>5} {:>9} {:>8}", "views", "expected", "unseen");
     let kept = problem.kept.len();
     let progress = Progress::over("planning", curve::BUDGETS.len() as u32, "plans");
@@ -318,6 +319,7 @@ fn draw_curve(context: &Arc<Context>, problem: &Problem<'_>, config: &Config, fo
     }
     print_messages(context);
     say!("{}", curve::sentence(&points, kept));
+    say!("{}", curve::CAUTION);
     let path = folder.path().join("curve.svg");
     folder.write("curve.svg", curve::svg(&points, kept))?;
     let text = serde_json::to_string_pretty(&points);

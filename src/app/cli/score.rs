@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use glam::DVec3;
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
@@ -104,6 +105,7 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     let has_own_region = stored.is_some();
     let target = arguments.region.target(&arguments.surface, &first.intrinsics, stored)?;
     note_outside(&target, &cameras, arguments.region.preset_of(&target))?;
+    note_tilted(&target, &cameras);
     let own = if of_capture && path != &arguments.surface { Some(io::read_cameras(&arguments.surface)?) } else { None };
     let context = arguments.device.open()?;
     let viewers = arguments.viewers.viewers()?;
@@ -189,6 +191,19 @@ fn note_outside(target: &Target, cameras: &[Camera], preset: Preset) -> Result<(
         );
     }
     Ok(())
+}
+
+/// Says that cameras stand upright by another axis than the scene, which viewers and simple layouts go by.
+fn note_tilted(target: &Target, cameras: &[Camera]) {
+    let mean = cameras.iter().map(|camera| camera.pose.up()).sum::<DVec3>() / cameras.len() as f64;
+    // Upright cameras all around an object average 0.79 (the cosine of elevation over a sphere), those of any roll about nothing.
+    if mean.length() > 0.6 && mean.normalize().dot(target.region.up) < 0.5 {
+        let [cameras, up] =
+            [mean.normalize(), target.region.up].map(|up| format!("[{:.2}, {:.2}, {:.2}]", up.x, up.y, up.z));
+        say!(
+            "warning  the cameras stand upright along {cameras}, the scene along {up}; give --up where the cameras are right"
+        );
+    }
 }
 
 /// How many cameras are outside of the region, where these are most.

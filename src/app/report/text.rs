@@ -310,7 +310,7 @@ impl Row {
 fn figures(record: &PlanRecord) -> String {
     let expected = record.expected.iter().map(|expected| {
         format!(
-            "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{}</strong><span>against {}, \
+            "<div class=\"figure\"><span class=\"name\">Expected quality</span><strong>{}</strong><span>against {} with as many views, \
              standard deviation {:.2} dB; no camera sees {:.1}% of what viewers look at{}</span></div>\n",
             decibels(expected.db, 2),
             escape(&expected.against),

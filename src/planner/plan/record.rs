@@ -94,7 +94,7 @@ impl Expected {
     /// In words, on one line.
     pub fn line(&self) -> String {
         format!(
-            "{} (sd {:.2}) against {}; no camera sees {:.1}% of what viewers look at",
+            "{} (sd {:.2}) against {} with as many views; no camera sees {:.1}% of what viewers look at",
             decibels(self.db, 2),
             self.sd,
             self.against,
