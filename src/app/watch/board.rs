@@ -143,7 +143,7 @@ impl Shown {
             photos: kept.len(),
             enough: advice.enough.answer(),
             gain: format!(
-                "The {more} photos that help most would gain about {:.1} ± {gain_sd_db:.1} dB.",
+                "The {more} photos that help most would gain about {:.1} dB (standard deviation {gain_sd_db:.1}).",
                 gain_db.max(0.0)
             ),
             hidden: format!("{:.0}% of what people will look at is in no photo.", 100.0 * unseen),
