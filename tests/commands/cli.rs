@@ -59,6 +59,15 @@ fn score_warns_where_the_cameras_stand_by_another_up() {
     };
     assert!(warns("o/transforms.json") && warns("o/transforms.json --up -y"), "up is z where nobody says it");
     assert!(!warns("o/transforms.json --up y") && !warns("o"));
+    // A flight that looks straight down holds its pictures' up northwards, and nothing is wrong.
+    let frames: Vec<String> = (-2..=2)
+        .map(|x| {
+            let pose = format!("[[1,0,0,{}],[0,1,0,0],[0,0,1,3],[0,0,0,1]]", f64::from(x) / 4.0);
+            format!(r#"{{"file_path": "{x}.png", "transform_matrix": {pose}}}"#)
+        })
+        .collect();
+    place.write("flight.json", format!(r#"{{"w": 64, "h": 64, "fl_x": 64, "frames": [{}]}}"#, frames.join(",")));
+    assert!(!warns("flight.json --up z"));
 }
 
 /// If this failed, `score` would score a plan by another measure than `plan` did, or an export would have moved the

@@ -195,11 +195,17 @@ fn note_outside(target: &Target, cameras: &[Camera], preset: Preset) -> Result<(
 
 /// Says that cameras stand upright by another axis than the scene, which viewers and simple layouts go by.
 fn note_tilted(target: &Target, cameras: &[Camera]) {
-    let mean = cameras.iter().map(|camera| camera.pose.up()).sum::<DVec3>() / cameras.len() as f64;
+    let up = target.region.up;
+    // Up in a picture says nothing where a camera looks straight down, as over a field.
+    let level: Vec<DVec3> = cameras
+        .iter()
+        .filter(|camera| camera.pose.forward().dot(up).abs() < 0.7)
+        .map(|camera| camera.pose.up())
+        .collect();
+    let mean = level.iter().sum::<DVec3>() / level.len().max(1) as f64;
     // Upright cameras all around an object average 0.79 (the cosine of elevation over a sphere), those of any roll about nothing.
-    if mean.length() > 0.6 && mean.normalize().dot(target.region.up) < 0.5 {
-        let [cameras, up] =
-            [mean.normalize(), target.region.up].map(|up| format!("[{:.2}, {:.2}, {:.2}]", up.x, up.y, up.z));
+    if 4 * level.len() >= cameras.len() && mean.length() > 0.6 && mean.normalize().dot(up) < 0.5 {
+        let [cameras, up] = [mean.normalize(), up].map(|up| format!("[{:.2}, {:.2}, {:.2}]", up.x, up.y, up.z));
         say!(
             "warning  the cameras stand upright along {cameras}, the scene along {up}; give --up where the cameras are right"
         );
