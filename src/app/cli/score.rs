@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use glam::DVec3;
 use serde::Serialize;
 
 use super::options::{DeviceOptions, print_messages};
@@ -24,7 +23,7 @@ use crate::planner::plan::pipeline::{self};
 use crate::planner::plan::record::Expected;
 use crate::planner::plan::target::Target;
 use crate::planner::quality::expected::decibels;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Pose, common_up, parallel};
 use crate::scene::limits::Limits;
 use crate::{Error, Result};
 
@@ -195,19 +194,14 @@ fn note_outside(target: &Target, cameras: &[Camera], preset: Preset) -> Result<(
 
 /// Says that cameras stand upright by another axis than the scene, which viewers and simple layouts go by.
 fn note_tilted(target: &Target, cameras: &[Camera]) {
-    let up = target.region.up;
-    // Up in a picture says nothing where a camera looks straight down, as over a field.
-    let level: Vec<DVec3> = cameras
-        .iter()
-        .filter(|camera| camera.pose.forward().dot(up).abs() < 0.7)
-        .map(|camera| camera.pose.up())
-        .collect();
-    let mean = level.iter().sum::<DVec3>() / level.len().max(1) as f64;
-    // Upright cameras all around an object average 0.79 (the cosine of elevation over a sphere), those of any roll about nothing.
-    if 4 * level.len() >= cameras.len() && mean.length() > 0.6 && mean.normalize().dot(up) < 0.5 {
-        let [cameras, up] = [mean.normalize(), up].map(|up| format!("[{:.2}, {:.2}, {:.2}]", up.x, up.y, up.z));
+    let poses: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
+    // Up in a picture says nothing where all look the same way, as a flight does straight down, nor where few agree on it.
+    let Some(held) = common_up(&poses).filter(|_| !parallel(&poses)) else { return };
+    let upright = poses.iter().filter(|pose| pose.up().dot(held) > 0.5).count();
+    if 2 * upright > poses.len() && held.dot(target.region.up) < 0.5 {
+        let [held, up] = [held, target.region.up].map(|up| format!("[{:.2}, {:.2}, {:.2}]", up.x, up.y, up.z));
         say!(
-            "warning  the cameras stand upright along {cameras}, the scene along {up}; give --up where the cameras are right"
+            "warning  the cameras stand upright along {held}, the scene along {up}; give --up where the cameras are right"
         );
     }
 }
