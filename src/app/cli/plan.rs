@@ -319,9 +319,9 @@ fn draw_curve(context: &Arc<Context>, problem: &Problem<'_>, config: &Config, fo
     }
     print_messages(context);
     say!("{}", curve::sentence(&points, kept));
-    say!("{}", curve::CAUTION);
+    say!("{}", curve::caution(config.preset));
     let path = folder.path().join("curve.svg");
-    folder.write("curve.svg", curve::svg(&points, kept))?;
+    folder.write("curve.svg", curve::svg(&points, kept, config.preset))?;
     let text = serde_json::to_string_pretty(&points);
     folder.write("curve.json", text.map_err(|e| Error::request(format!("the curve cannot be written: {e}")))?)?;
     folder.commit()?;
