@@ -8,8 +8,8 @@ which are mesh.ply and task.json of `camsplat evaluate --situation NAME --prepar
 benchmark's fit split, to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts.
 
 Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
-standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and around objects
-those of as many views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what
+standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and those of as many
+views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what
 is expected of each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, and
 how well each layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
 Needs numpy and scipy.
@@ -203,11 +203,11 @@ def compare(scene, log_error, which, each):
     """Prints how what is expected of layouts goes with what they trained; of each layout too where asked for."""
     expected, trained = scene.expected(log_error).mean(axis=1), scene.psnr.mean(axis=1)
     parts = {"all": scene.one_lens | True, "good": ~scene.bad, "one lens": scene.one_lens, "one lens, good": scene.one_lens & ~scene.bad}
-    if scene.object:
-        views = np.array([views for _, views in scene.layouts])
-        parts |= {f"{n} views, not half": (views == n) & ~scene.half for n in np.unique(views)}
+    views = np.array([views for _, views in scene.layouts])
+    left_out, without = ("half", scene.half) if scene.object else ("random", scene.bad)
+    parts |= {f"{n} views, not {left_out}": (views == n) & ~without for n in np.unique(views)}
     for part, of in parts.items():
-        if of.sum() < 4:
+        if of.sum() < 3:
             continue
         x, y = expected[of], trained[of]
         print(f"  {scene.name} ({which}, {part}): {np.corrcoef(x, y)[0, 1]:.3f}, {np.polyfit(x, y, 1)[0]:.2f}, {(y - x).std():.2f} dB")
