@@ -9,9 +9,9 @@ benchmark's fit split, to the means of layouts over test views, or with `--by vi
 
 Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
 standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and those of as many
-views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what
-is expected of each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, and
-how well each layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
+views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what is expected of
+each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, and how well each
+layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
 Needs numpy and scipy.
 """
 
