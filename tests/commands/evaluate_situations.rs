@@ -97,6 +97,7 @@ fn the_benchmark_writes_a_board() {
             ("benchmark --scenes bare-room --methods nonsense --out o", &["nonsense", "--methods"]),
             ("benchmark --scenes bare-room --devices 0 --prepare --out o", &["--devices", "--prepare"]),
             ("benchmark --scenes bare-room --devices 0,nowhere --out o", &["nowhere"]),
+            ("benchmark --scenes bare-room --quick --full --out o", &["--quick", "--full"]),
             ("benchmark --scenes bare-room --methods fibonacci --out o", &["fibonacci", "a room has none"]),
             ("benchmark --scenes bare-room,two-rooms --methods a=cameras:a.json --out o", &["one scene", "{scene}"]),
             ("benchmark --scenes bare-room,two-rooms --methods a=lenses:a.json --out o", &["one scene", "{scene}"]),

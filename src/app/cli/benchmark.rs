@@ -41,6 +41,10 @@ pub struct Arguments {
     /// Small images and short training, to try it: results say nothing of methods
     #[arg(long)]
     quick: bool,
+    /// Train 1,000,000 splats around objects and 2,000,000 in rooms for 30,000 iterations, in place of 300,000 and 500,000 for 10,000:
+    /// some three times as long, and what many photos need
+    #[arg(long, conflicts_with = "quick")]
+    full: bool,
     /// Make what methods choose on and nothing else, for methods of other programs: files in OUT/SCENE/SCENE/task
     #[arg(long, conflicts_with_all = ["shard", "devices"])]
     prepare: bool,
@@ -55,11 +59,10 @@ pub struct Arguments {
     shard: Option<String>,
 }
 
-/// Settings of all scenes, of objects and of rooms: photos are clean, and splats and iterations enough for what methods differ by.
-const SETTINGS: &str =
-    "--surface true --light baked --size 512 --spp 64 --test-spp 256 --input-spp 64 --inputs 10 --iterations 10000";
-const OBJECTS: &str = "--tests 40 --max-splats 300000";
-const ROOMS: &str = "--tests 80 --max-splats 500000";
+/// Settings of all scenes, of objects and of rooms: photos are clean.
+const SETTINGS: &str = "--surface true --light baked --size 512 --spp 64 --test-spp 256 --input-spp 64 --inputs 10";
+const OBJECTS: &str = "--tests 40";
+const ROOMS: &str = "--tests 80";
 /// What is compared without `--quick`, where nothing else is named.
 const METHODS: &str = "random,fvs,acp,ours";
 const BUDGETS: &str = "20,50,100,200,300";
@@ -85,6 +88,30 @@ impl Arguments {
         let named = |scene: &&BenchmarkScene| self.scenes.is_empty() || self.scenes.contains(&scene.name);
         let of_split = |scene: &&BenchmarkScene| self.split.is_none_or(|split| scene.split == split);
         Ok(all.iter().filter(named).filter(of_split).cloned().collect())
+    }
+
+    /// What is the same for all objects, or for all rooms.
+    fn settings(&self, room: bool) -> String {
+        if self.quick {
+            return QUICK.to_owned();
+        }
+        let (own, splats) = match (room, self.full) {
+            (false, false) => (OBJECTS, 300_000),
+            (false, true) => (OBJECTS, 1_000_000),
+            (true, false) => (ROOMS, 500_000),
+            (true, true) => (ROOMS, 2_000_000),
+        };
+        let iterations = if self.full { 30_000 } else { 10_000 };
+        format!("{SETTINGS} {own} --max-splats {splats} --iterations {iterations}")
+    }
+
+    /// What the board says of trainings that are not of the usual size.
+    fn note(&self) -> Option<&'static str> {
+        match (self.quick, self.full) {
+            (true, _) => Some(report::board::QUICK),
+            (_, true) => Some(report::board::FULL),
+            _ => None,
+        }
     }
 
     /// What `camsplat evaluate` is called with for a scene.
@@ -117,9 +144,7 @@ impl Arguments {
         option("device", self.device.clone());
         option("devices", self.devices.clone());
         option("shard", self.shard.clone());
-        let own = if scene.is_room() { ROOMS } else { OBJECTS };
-        let settings = if self.quick { QUICK.to_owned() } else { format!("{SETTINGS} {own}") };
-        words.extend(settings.split(' ').map(str::to_owned));
+        words.extend(self.settings(scene.is_room()).split(' ').map(str::to_owned));
         words.extend(self.prepare.then(|| "--prepare".to_owned()));
         Ok(words)
     }
@@ -169,12 +194,40 @@ pub fn run(arguments: &Arguments) -> Result<Ended> {
     notes.iter().for_each(|note| say!("note     {note}"));
     let tables: Vec<Table> = board::tables(&reached);
     let [csv, page] = ["board.csv", "board.html"].map(|name| arguments.out.join(name));
-    let (text, html) = (board::csv(&reached), report::board::html(&tables, arguments.quick));
+    let (text, html) = (board::csv(&reached), report::board::html(&tables, arguments.note()));
     write_files(&[(&csv, text.as_bytes()), (&page, html.as_bytes())])?;
     say!("{}", board::markdown(&tables).trim_end());
-    if arguments.quick {
-        say!("note     {}", report::board::QUICK);
+    if let Some(note) = arguments.note() {
+        say!("note     {note}");
     }
     say!("written  {}, {}", page.display(), csv.display());
     Ok(Ended::Done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Parser)]
+    struct Benchmark {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// If this failed, results of full trainings would differ from those of usual ones by their photos or tests, or not by their size.
+    #[test]
+    fn full_trainings_differ_from_usual_ones_in_size_alone() {
+        let words = |scene: &str, more: &[&str]| {
+            let given = ["benchmark", "data", "--out", "o", "--scenes", scene].into_iter().chain(more.iter().copied());
+            let arguments = Benchmark::try_parse_from(given).unwrap().arguments;
+            let [scene] = &arguments.chosen(&scenes().unwrap()).unwrap()[..] else { panic!("one scene") };
+            arguments.words(scene).unwrap()
+        };
+        for (scene, splats) in [("ToyCar", ["300000", "1000000"]), ("bare-room", ["500000", "2000000"])] {
+            let (usual, full) = (words(scene, &[]), words(scene, &["--full"]));
+            assert_eq!(usual.len(), full.len());
+            let other: Vec<_> = usual.iter().zip(&full).filter(|(usual, full)| usual != full).collect();
+            assert_eq!(other, [(&splats[0].to_owned(), &splats[1].to_owned()), (&"10000".into(), &"30000".into())]);
+        }
+    }
 }

@@ -8,8 +8,11 @@ use crate::lab::benchmark::board::Table;
 /// What is said of a board that was tried with small pictures.
 pub const QUICK: &str = "small pictures and short training (--quick): these figures say nothing of methods";
 
-/// A page of the tables; `quick`: of small pictures and short training.
-pub fn html(tables: &[Table], quick: bool) -> String {
+/// What is said of a board of larger trainings than usual.
+pub const FULL: &str = "trainings of --full: 1,000,000 splats around objects and 2,000,000 in rooms, 30,000 iterations";
+
+/// A page of the tables, with a `note` on their trainings.
+pub fn html(tables: &[Table], note: Option<&str>) -> String {
     let line = |cells: [String; 6], tag: &str| {
         let cells: String = cells.into_iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(&cell))).collect();
         format!("<tr>{cells}</tr>\n")
@@ -21,9 +24,9 @@ pub fn html(tables: &[Table], quick: bool) -> String {
          th:first-child,td:first-child{text-align:left}</style>\n<h1>Where should the cameras stand?</h1>\n\
          <p>Splats trained on the photos of each method. Differences are on the same scenes, with 95% intervals by scene.</p>\n",
     );
-    if quick {
+    if let Some(note) = note {
         // Writing to a string cannot fail.
-        let _ = writeln!(page, "<p><strong>Note: {QUICK}.</strong></p>");
+        let _ = writeln!(page, "<p><strong>Note: {note}.</strong></p>");
     }
     for table in tables {
         let rows: String = table.rows().map(|row| line(row, "td")).collect();
@@ -45,7 +48,7 @@ mod tests {
         let [scene, method] = ["a", "<b>&x"].map(str::to_owned);
         let measured = [Some(20.0), None, None];
         let one = Reached { split: Split::Test, room: true, scene, method, views: 50, seeds: 1, diverged: 1, measured };
-        let page = html(&tables(&[one]), false);
+        let page = html(&tables(&[one]), None);
         assert!(
             page.contains("<td>&lt;b&gt;&amp;x (1 diverged)</td>")
                 && page.contains("<h2>Rooms of the test split, 50 views</h2>")
