@@ -68,7 +68,7 @@ pub fn sentence(points: &[Point], kept: usize) -> String {
 pub fn caution(preset: Preset) -> &'static str {
     match preset {
         Preset::Object => {
-            "trainings gained this from 50 to 100 views with 1,000,000 splats (two thirds of it to 200), and half of it with 300,000"
+            "trainings gained this from 50 to 100 views with 1,000,000 splats (from 100 to 200 two thirds), and half of it with 300,000"
         }
         Preset::Room => {
             "trainings gained this from 100 to 300 views with 2,000,000 splats, in the mean, and three quarters of it with 500,000"
