@@ -134,8 +134,8 @@ class QualityCurve:
 
     Attributes:
         views: (B,) numbers of views.
-        db: (B,) expected PSNR in decibels, against that of the most views; trained, 100 views in place of 50 around objects gained
-            little more than half of it, 300 in place of 100 in rooms three quarters.
+        db: (B,) expected PSNR in decibels, against that of the most views; trained with 30,000 iterations,
+            100 views gained it over 50 around objects and 300 over 100 in rooms; with 10,000 and fewer splats half and three quarters.
         unseen: (B,) share of what viewers look at that no camera sees.
         svg: the curve as a picture, which notebooks show.
     """

@@ -42,7 +42,7 @@ pub struct Arguments {
     #[arg(long)]
     quick: bool,
     /// Train 1,000,000 splats around objects and 2,000,000 in rooms for 30,000 iterations, in place of 300,000 and 500,000 for 10,000:
-    /// some three times as long, and what many photos need
+    /// three to six times as long
     #[arg(long, conflicts_with = "quick")]
     full: bool,
     /// Make what methods choose on and nothing else, for methods of other programs: files in OUT/SCENE/SCENE/task

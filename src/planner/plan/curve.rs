@@ -64,14 +64,15 @@ pub fn sentence(points: &[Point], kept: usize) -> String {
     }
 }
 
-/// How much of what the curve expects trainings gained, by their size (docs/results/law.md, of the test split).
+/// How much of what the curve expects trainings gained: full ones of 30,000 iterations and shorter ones of 10,000 with fewer splats
+/// (docs/results/law.md, of the test split).
 pub fn caution(preset: Preset) -> &'static str {
     match preset {
         Preset::Object => {
-            "trainings gained this from 50 to 100 views with 1,000,000 splats (from 100 to 200 two thirds), and half of it with 300,000"
+            "three objects gained this from 50 to 100 views in full trainings (two thirds of it from 100 to 200), half of it in shorter ones"
         }
         Preset::Room => {
-            "trainings gained this from 100 to 300 views with 2,000,000 splats, in the mean, and three quarters of it with 500,000"
+            "six rooms gained this from 100 to 300 views in full trainings, a sixth more in sum, and three quarters of it in shorter ones"
         }
     }
 }
