@@ -69,7 +69,7 @@ pub fn sentence(points: &[Point], kept: usize) -> String {
 pub fn caution(preset: Preset) -> &'static str {
     match preset {
         Preset::Object => {
-            "three objects gained this from 50 to 100 views in full trainings (two thirds of it from 100 to 200), half of it in shorter ones"
+            "three objects gained this from 50 to 100 views in full trainings (two thirds of it from 100 to 200), half in shorter ones"
         }
         Preset::Room => {
             "six rooms gained this from 100 to 300 views in full trainings, a sixth more in sum, and three quarters of it in shorter ones"
