@@ -59,10 +59,8 @@ pub struct Arguments {
     shard: Option<String>,
 }
 
-/// Settings of all scenes, of objects and of rooms: photos are clean.
+/// Settings of all scenes: photos are clean.
 const SETTINGS: &str = "--surface true --light baked --size 512 --spp 64 --test-spp 256 --input-spp 64 --inputs 10";
-const OBJECTS: &str = "--tests 40";
-const ROOMS: &str = "--tests 80";
 /// What is compared without `--quick`, where nothing else is named.
 const METHODS: &str = "random,fvs,acp,ours";
 const BUDGETS: &str = "20,50,100,200,300";
@@ -95,14 +93,15 @@ impl Arguments {
         if self.quick {
             return QUICK.to_owned();
         }
-        let (own, splats) = match (room, self.full) {
-            (false, false) => (OBJECTS, 300_000),
-            (false, true) => (OBJECTS, 1_000_000),
-            (true, false) => (ROOMS, 500_000),
-            (true, true) => (ROOMS, 2_000_000),
-        };
+        let tests = if room { 80 } else { 40 };
         let iterations = if self.full { 30_000 } else { 10_000 };
-        format!("{SETTINGS} {own} --max-splats {splats} --iterations {iterations}")
+        let splats = match (room, self.full) {
+            (false, false) => 300_000,
+            (false, true) => 1_000_000,
+            (true, false) => 500_000,
+            (true, true) => 2_000_000,
+        };
+        format!("{SETTINGS} --tests {tests} --max-splats {splats} --iterations {iterations}")
     }
 
     /// What the board says of trainings that are not of the usual size.

@@ -64,15 +64,15 @@ pub fn sentence(points: &[Point], kept: usize) -> String {
     }
 }
 
-/// How much of what the curve expects trainings gained: full ones of 30,000 iterations and shorter ones of 10,000 with fewer splats
-/// (docs/results/law.md, of the test split).
+/// How much of what the curve expects trainings gained; those of 10,000 iterations also had fewer splats (docs/results/law.md, of the
+/// test split).
 pub fn caution(preset: Preset) -> &'static str {
     match preset {
         Preset::Object => {
-            "three objects gained this from 50 to 100 views in full trainings (two thirds of it from 100 to 200), half in shorter ones"
+            "three objects gained this from 50 to 100 views in 30,000 iterations (from 100 to 200 two thirds of it), half of it in 10,000"
         }
         Preset::Room => {
-            "six rooms gained this from 100 to 300 views in full trainings, a sixth more in sum, and three quarters of it in shorter ones"
+            "six rooms gained this and a sixth more from 100 to 300 views in 30,000 iterations, and three quarters of it in 10,000"
         }
     }
 }
