@@ -10,12 +10,14 @@ benchmark's fit split, to the means of layouts over test views, or with `--by vi
 Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
 standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and those of as many
 views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what is expected of
-each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, and how well each
-layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
+each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, how much its law's
+angles and footprints should weigh to suit single test views of layouts of as many views in a room, and how well each layout's splats show
+the photos they were trained on, before the training's half and before its end, and each set of test views.
 Needs numpy and scipy.
 """
 
 import argparse
+import copy
 import json
 import re
 import subprocess
@@ -66,6 +68,12 @@ class Scene:
         self.tested = np.array([name in trained[0] for name in names])
         self.psnr = np.array([[views[name] for name in names if name in views] for views in trained])
         self.sets = np.array([name.rsplit("_", 1)[0] for name in names if name in trained[0]])
+
+    def only(self, which):
+        """The same with some of its layouts."""
+        part = copy.copy(self)
+        part.first, part.third, part.farther, part.psnr = self.first[which], self.third[which], self.farther[which], self.psnr[which]
+        return part
 
     def silhouette(self):
         """Pixels of the surface next to one beside it, of 16 x 16 in each test view."""
@@ -169,6 +177,12 @@ def of_angles(name, of):
     return law
 
 
+def weighed(scene, p):
+    """The law of camsplat without its end, what it says of angles and of footprints multiplied by `p`."""
+    law = file_of(scene)["coefficients"]
+    return p[0] * (law["nearest"] * scene.first + law["third"] * scene.third) + p[1] * law["farther"] * scene.farther
+
+
 def steeper_at_silhouettes(scene, p):
     rise = (p[0] * scene.first + p[1] * scene.third) * (1 + p[4] * scene.silhouette()) + p[2] * scene.farther
     return -np.logaddexp(-rise, -p[3])
@@ -255,6 +269,12 @@ def main():
         holding, pairs = held(scene)
         fitted_to = ", to which it was fitted," if scene.name in file_of(scene)["scenes"] else ""
         print(f"of {pairs} differences of {scene.name}{fitted_to} 90% intervals hold {holding}")
+        views = np.array([views for _, views in scene.layouts])
+        for count in np.unique(views):
+            alike = (views == count) & ~scene.bad
+            if alike.sum() >= 3 and not scene.object:
+                p = fit([scene.only(alike)], weighed, [1, 1], "views")
+                print(f"  {count} views, not random: angles should weigh {p[0]:.2f} of what they do in the law, footprints {p[1]:.2f}")
         for (method, views), (half, end), psnr in zip(scene.layouts, scene.photos, scene.psnr):
             tests = ", ".join(f"{name} {psnr[scene.sets == name].mean():.2f}" for name in np.unique(scene.sets))
             print(f"  {method} {views}: photos {half:.2f}, {end:.2f}; test views {tests}")

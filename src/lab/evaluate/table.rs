@@ -12,7 +12,7 @@ use crate::planner::plan::target::RegionChoice;
 use crate::planner::quality::expected::or_zero;
 use crate::planner::quality::viewers::Viewers;
 use crate::scene::region::Shape;
-use crate::splats::run::record::DIVERGED_DB;
+use crate::splats::run::record::{DIVERGED_DB, PASSING_DB};
 
 /// Twice the squared error, in decibels.
 const TWICE_DB: f64 = 3.01;
@@ -145,7 +145,10 @@ fn apart(rows: &[Row]) -> Option<String> {
     let rows: Vec<String> = rows.iter().filter(|row| row.diverged > 0).map(of).collect();
     (!rows.is_empty()).then(|| {
         let listed = rows.join("; ");
-        format!("Trainings that diverged (PSNR on the training photos fell by more than {DIVERGED_DB} dB): {listed}.")
+        format!(
+            "Trainings that diverged (PSNR on the training photos fell by more than {DIVERGED_DB} dB, or by more than {PASSING_DB} and \
+             recovered): {listed}."
+        )
     })
 }
 
@@ -352,7 +355,7 @@ mod tests {
         assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",paper-no-vds,20,3,,diverged,2,\n"));
         let broken = markdown(&request, &outcome(&broken));
         assert!(
-            broken.contains("fell by more than 1 dB): cup, \"red\", paper-no-vds, 20 views (2 of 3).\n"),
+            broken.contains("fell by more than 1 dB, or by more than 3 and recovered): cup, \"red\", paper-no-vds, 20 views (2 of 3).\n"),
             "{broken}"
         );
         let csv = csv(&request, &[row()]);
