@@ -11,8 +11,8 @@ Printed for each form: its coefficients; for each scene Pearson's correlation ov
 standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and those of as many
 views; of fitted forms the same of each scene by the law of the others; of these and of laws that are not fitted here what is expected of
 each layout and was trained. Each scene counts the same. At the end, how many of the intervals that camsplat gives hold, how much its law's
-angles and footprints should weigh to suit single test views of layouts of as many views in a room, and how well each layout's splats show
-the photos they were trained on, before the training's half and before its end, and each set of test views.
+angles and footprints, without its end, weigh when fitted to single test views of layouts of as many views in a room, and how well each
+layout's splats show the photos they were trained on, before the training's half and before its end, and each set of test views.
 Needs numpy and scipy.
 """
 
@@ -274,7 +274,7 @@ def main():
             alike = (views == count) & ~scene.bad
             if alike.sum() >= 3 and not scene.object:
                 p = fit([scene.only(alike)], weighed, [1, 1], "views")
-                print(f"  {count} views, not random: angles should weigh {p[0]:.2f} of what they do in the law, footprints {p[1]:.2f}")
+                print(f"  {count} views, not random: angles weigh {p[0]:.2f} of what they do in the law, footprints {p[1]:.2f}")
         for (method, views), (half, end), psnr in zip(scene.layouts, scene.photos, scene.psnr):
             tests = ", ".join(f"{name} {psnr[scene.sets == name].mean():.2f}" for name in np.unique(scene.sets))
             print(f"  {method} {views}: photos {half:.2f}, {end:.2f}; test views {tests}")

@@ -146,8 +146,8 @@ fn apart(rows: &[Row]) -> Option<String> {
     (!rows.is_empty()).then(|| {
         let listed = rows.join("; ");
         format!(
-            "Trainings that diverged (PSNR on the training photos fell by more than {DIVERGED_DB} dB, or by more than {PASSING_DB} and \
-             recovered): {listed}."
+            "Trainings that diverged (PSNR on the training photos fell by more than {PASSING_DB} dB on the way, or was more than \
+             {DIVERGED_DB} dB below its best in the end): {listed}."
         )
     })
 }
@@ -355,7 +355,7 @@ mod tests {
         assert!(csv(&request, &broken).ends_with("\"cup, \"\"red\"\"\",paper-no-vds,20,3,,diverged,2,\n"));
         let broken = markdown(&request, &outcome(&broken));
         assert!(
-            broken.contains("fell by more than 1 dB, or by more than 3 and recovered): cup, \"red\", paper-no-vds, 20 views (2 of 3).\n"),
+            broken.contains("below its best in the end): cup, \"red\", paper-no-vds, 20 views (2 of 3).\n"),
             "{broken}"
         );
         let csv = csv(&request, &[row()]);
