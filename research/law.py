@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """How the error of trained splats rises with angle and footprint: forms of the law held against runs of the benchmark.
 
-    python3 research/law.py SCENE ... --bench BENCH --data DATA --out OUT [--by views]
+    python3 research/law.py SCENE ... --bench BENCH --data DATA --out OUT [--by views] [--good]
 
 BENCH is the folder that `camsplat benchmark` wrote, of rooms or of objects. Of a built-in room DATA has the files NAME.ply and NAME.json,
 which are mesh.ply and task.json of `camsplat evaluate --situation NAME --prepare --surface true`. Forms are fitted to the scenes of the
-benchmark's fit split, to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts.
+benchmark's fit split, to the means of layouts over test views, or with `--by views` to every test view, less its own mean over layouts;
+with `--good` without random cameras and half of a sphere.
 
 Printed for each form: its coefficients; for each scene Pearson's correlation over layouts, decibels trained for one expected, and the
 standard deviation of what is left, of all layouts, those of one lens, both without random cameras or half of a sphere, and those of as many
@@ -72,7 +73,9 @@ class Scene:
     def only(self, which):
         """The same with some of its layouts."""
         part = copy.copy(self)
-        part.first, part.third, part.farther, part.psnr = self.first[which], self.third[which], self.farther[which], self.psnr[which]
+        for name in ("first", "third", "farther", "log_views", "one_lens", "half", "bad", "psnr"):
+            setattr(part, name, getattr(self, name)[which])
+        part.layouts, part.photos = ([one for one, has in zip(all_of, which) if has] for all_of in (self.layouts, self.photos))
         return part
 
     def silhouette(self):
@@ -238,6 +241,7 @@ def main():
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--by", choices=["layouts", "views"], default="layouts")
+    parser.add_argument("--good", action="store_true", help="fit to layouts but random cameras and half of a sphere")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     scenes = [Scene(name, arguments) for name in arguments.scenes]
@@ -250,7 +254,7 @@ def main():
     else:
         forms = [(fitted, []), (ending, [6]), (far_beyond, []), (never_ending_by_number_of_views, [0.1]), (least, [-1]), (power, [1.2])]
         laws = [(first_edition, []), (steeper, []), (former, []), (built_in, []), *((form, [2, 0.5, 0.7, *more]) for form, more in forms)]
-    of_fit = [scene for scene in scenes if scene.fitted]
+    of_fit = [scene.only(~scene.bad) if arguments.good else scene for scene in scenes if scene.fitted]
     for law, start in laws:
         if start and not of_fit:
             continue
