@@ -373,6 +373,23 @@ fn a_training_that_diverged_says_so() {
     assert_eq!(serde_json::from_str::<TrainRecord>(&text).unwrap(), record);
 }
 
+/// A model that fell and rose again is judged by its fall, not by its end. If this failed, whoever trained it would be told nothing, a PSNR
+/// that its curve contradicts, or to train for longer what relocation spoils.
+#[test]
+fn a_training_that_fell_and_recovered_says_both_and_is_not_called_too_short() {
+    let mut record = run(30_000, Status::Complete);
+    for (i, point) in record.curve.iter_mut().enumerate() {
+        point.psnr = if (100..240).contains(&i) { 15.0 } else { 20.0 + i as f64 / 50.0 };
+    }
+    let page = page_with(&record, 1);
+    assert!(
+        page.contains("fell from 21.8 to 15.0 dB before it rose to 25.8; retry with another seed"),
+        "{:?}",
+        record.diverged_line()
+    );
+    assert!(!page.contains("training was too short"), "{:?}", record.short_line());
+}
+
 /// If this failed, whoever overfits a model would be told to train it for longer.
 #[test]
 fn a_training_that_overfits_is_called_too_long_and_not_too_short() {
